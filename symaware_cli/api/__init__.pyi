@@ -1,7 +1,6 @@
 # What other rooms use of this one.
 
 from .live import LiveView as LiveView
-from .report import number as number
 from .report import size_in_words as size_in_words
 from .result import RunFailedError as RunFailedError
 from .result import RunInterrupted as RunInterrupted

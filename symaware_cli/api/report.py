@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
+
+from symaware_cli.world import counted
 
 if TYPE_CHECKING:
     from symaware_cli.engine import Extreme, Pace, RunSummary
@@ -44,7 +46,7 @@ class TextReport(NamedTuple):
 
 def summary_report(summary: RunSummary) -> TextReport:
     """Return the report of the summary of a run."""
-    agents = number(summary.agents, "agent")
+    agents = counted(summary.agents, "agent")
     facts = [
         ("agents", f"{agents}, {summary.steps:,} steps, seed {summary.seed}"),
         ("wall time", f"{summary.wall_time:.2f} s, {_factor(summary.real_time_factor)} real time"),
@@ -67,17 +69,6 @@ def summary_report(summary: RunSummary) -> TextReport:
         size = size_in_words(summary.log_size or 0)
         facts += [("recorded", f"{summary.updates:,} updates, {size}"), ("log", summary.log)]
     return TextReport(f"{summary.name}: {summary.status} after {summary.simulated_time:g} s of simulated time", facts)
-
-
-def number(count: int, noun: str) -> str:
-    """Return a number with a noun, such as ``1 agent`` or ``4 agents``."""
-    return f"{count} {noun}{'s' if count != 1 else ''}"
-
-
-def listed(names: Iterable[str], most: int = 9) -> str:
-    """Return the names, or the first few of many."""
-    names = list(names)
-    return ", ".join(names if len(names) <= most + 1 else [*names[:most], f"and {len(names) - most} more"])
 
 
 def size_in_words(size: int) -> str:

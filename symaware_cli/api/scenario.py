@@ -15,9 +15,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
 from symaware_cli import processor
-from symaware_cli.api.report import TextReport, listed, number
+from symaware_cli.api.report import TextReport
 from symaware_cli.api.result import RunResult, result_of
 from symaware_cli.language import Changes, FilePath, assignments
+from symaware_cli.world import counted, listed
 
 if TYPE_CHECKING:
     from symaware_cli.api.stepping import SteppedSimulation
@@ -85,21 +86,21 @@ class Outline:
     @property
     def headline(self) -> str:
         """A summary in one line."""
-        groups = number(len(self.groups), "group")
-        return f"{number(self.agents, 'agent')} in {groups}, {self.steps:,} steps"
+        groups = counted(len(self.groups), "group")
+        return f"{counted(self.agents, 'agent')} in {groups}, {self.steps:,} steps"
 
     @property
     def report(self) -> TextReport:
         """The outline for people."""
         pace = f", {self.pace:g} x real time" if self.pace else ""
-        entities = f" with {listed(self.entities)}" if self.entities else ""
+        entities = f" with {listed(self.entities, 9)}" if self.entities else ""
         facts = [
             ("run", f"{self.duration:g} s in steps of {self.time_step:g} s, {self.mode}{pace}, seed {self.seed}"),
             ("environment", f"{self.environment}{entities}"),
         ]
         for name, group in self.groups.items():
-            uses = listed(f"{component} ({use})" for component, use in group.components.items()) or "no components"
-            facts.append((name, f"{number(len(group.agents), 'agent')}, {group.model}: {uses}"))
+            uses = listed((f"{component} ({use})" for component, use in group.components.items()), 9) or "no components"
+            facts.append((name, f"{counted(len(group.agents), 'agent')}, {group.model}: {uses}"))
         return TextReport(f"{self.name}: {self.headline}", facts)
 
 

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from symaware_cli.api.report import TextReport, number
+from symaware_cli.api.report import TextReport
 from symaware_cli.api.result import RunResult, result_of
 from symaware_cli.engine import SimulationState, StateMark, capture, mark, restore, return_to
 from symaware_cli.language import nearest, prepared
 from symaware_cli.version import __version__
-from symaware_cli.world import frozen, is_finite
+from symaware_cli.world import counted, frozen, is_finite
 
 if TYPE_CHECKING:
     from symaware_cli.core import AgentGroup, Event, Quantity
@@ -341,7 +341,7 @@ class SteppedSimulation:
             imposed = self._run.imposed.get(group)
             outside = f", {int(imposed[0].sum())} controlled from outside" if imposed else ""
             columns = ", ".join(str(quantity) for quantity in self.state_columns(group.ids[0]))
-            facts.append((name, f"{number(len(group), 'agent')}{outside}; state: {columns}"))
+            facts.append((name, f"{counted(len(group), 'agent')}{outside}; state: {columns}"))
         return TextReport(f"{headline}{self._steps:,}", facts)
 
     def __repr__(self) -> str:

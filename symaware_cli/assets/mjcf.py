@@ -6,21 +6,21 @@ Reasons: docs/decisions/0080-robots-as-agents.md
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from symaware_cli.assets.asset_error import AssetError
 from symaware_cli.assets.mesh_file import content
+from symaware_cli.assets.mjcf_defaults import ACTUATORS, MjcfDefaults, bare, kept_defaults
+from symaware_cli.assets.mjcf_inclusion import LARGEST_FILES, MjcfInclusions
+from symaware_cli.assets.mjcf_looks import MjcfLooks
+from symaware_cli.assets.mjcf_pose import ORIENTATIONS, UNTURNED, MjcfPoses, numbers_in, quadruple, triple
 from symaware_cli.assets.robot_joint import RobotJoint
 from symaware_cli.assets.urdf import MeshReference, MimicJoint, numbers_of
 from symaware_cli.assets.xml_tree import XmlElement, xml_tree
-from symaware_cli.geometry import Array, Articulation, Link, Visual, about, composed, rotated
-
-#: The greatest size of all files together [bytes], and the most files.
-_LARGEST_FILES = 16 << 20
-_MOST_FILES = 100
+from symaware_cli.geometry import Articulation, Link, rotated
 
 _MOST_LINKS = 1_000
 
@@ -39,9 +39,6 @@ _UNUSED_IN_BODY = {"camera", "light"}
 
 #: The numbers of values in the size of each kind of geometry, and with two ends (`fromto`) instead of a pose.
 _SIZES = {"sphere": (1, 1), "capsule": (2, 1), "cylinder": (2, 1), "ellipsoid": (3, 3), "box": (3, 2), "mesh": (0, 0)}
-
-#: The kinds of actuators, which share their defaults.
-_ACTUATORS = {"general", "motor", "position", "velocity", "intvelocity", "damper", "cylinder", "muscle", "adhesion"}
 
 #: Attributes that hold finite numbers in any element, besides the attributes that are read.
 _NUMBERS = frozenset(
@@ -91,11 +88,6 @@ _NUMBERS = frozenset(
 #: The largest magnitude of such a number.
 _GREATEST = 1e9
 
-#: Ways to write an orientation, and the number of values of each.
-_ORIENTATIONS = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
-
-_Pose = tuple[Array, Array]
-
 
 class MjcfDescription:
     """A robot of MJCF: one body with its descendants, without the scene around it.
@@ -121,28 +113,29 @@ class MjcfDescription:
         Raises:
             AssetError: The file is no XML, describes no robot, or describes one that cannot be loaded as written.
         """
-        self.includes: dict[str, Path] = {}
-        self._find, self._left = find, _LARGEST_FILES - len(data)
         whole = xml_tree(data)
         if whole.tag != "mujoco":
             whole.refuse("it describes no robot: an MJCF file has a `mujoco` with a `worldbody`")
-        self._include(whole, ())
+        inclusions = MjcfInclusions(find, LARGEST_FILES - len(data))
+        inclusions.resolve(whole)
+        self.includes = inclusions.paths
         self.name = whole.get("model") or ""
         self.root = _copied(whole)
         self._read_compiler(whole)
-        self._defaults: dict[str, dict[str, dict[str, str]]] = {"main": {}}
-        for section in _all(whole, "default"):
-            self._read_defaults(section, None)
-        self._colours = {
-            each.get("name"): self._numbers_in(each, "rgba", 4)
-            for section in _all(whole, "asset")
-            for each in _all(section, "material")
+        self._defaults = MjcfDefaults(whole.children("default"))
+        for section in whole.children("default"):
+            self.root.append(kept_defaults(section))
+        colours = {
+            each.get("name"): numbers_in(each, each.attrib, "rgba", 4) if "rgba" in each.attrib else None
+            for section in whole.children("asset")
+            for each in section.children("material")
         }
         self.meshes: list[MeshReference] = []
         self._mesh_files: dict[str, str] = {}
         self._mesh_scales: dict[str, tuple[float, ...]] = {}
-        for section in _all(whole, "asset"):
+        for section in whole.children("asset"):
             self._read_assets(section)
+        self._looks = MjcfLooks(self._defaults, self._poses, colours, self._mesh_files, self._mesh_scales)
         self._bodies: list[tuple[XmlElement, int, str]] = []
         self._joints: dict[str, tuple[XmlElement, dict[str, str]]] = {}
         self._read_bodies(whole)
@@ -156,7 +149,7 @@ class MjcfDescription:
         Raises:
             AssetError: The file cannot be read, is too long, or is no valid description.
         """
-        return cls(content(path, _LARGEST_FILES), find)
+        return cls(content(path, LARGEST_FILES), find)
 
     def unsupported_joint(self, follow: bool = False) -> AssetError | None:
         """Return None: joints that worlds do not move are refused when a file is read."""
@@ -166,98 +159,46 @@ class MjcfDescription:
         """Return an empty mapping: couplings of joints are left to the engine that loads the file."""
         return {}
 
-    # -- files
-
-    def _include(self, element: XmlElement, within: tuple[str, ...]) -> None:
-        """Put the contents of included files in the place of the elements that name them."""
-        for place, child in reversed(list(enumerate(element))):
-            assert isinstance(child, XmlElement)
-            if child.tag != "include":
-                self._include(child, within)
-                continue
-            name = child.get("file") or ""
-            if not name.strip():
-                child.refuse("an `include` has a `file`")
-            if name in within:
-                child.refuse(f"`{name}` includes itself")
-            if self._find is None or len(self.includes) >= _MOST_FILES:
-                child.refuse(f"it includes more than {_MOST_FILES} files" if self._find else "it includes another file")
-            path = self._find(child, name)
-            self.includes[name] = path
-            try:
-                data = content(path, max(self._left, 0))
-                self._left -= len(data)
-                inner = xml_tree(data)
-            except AssetError as error:
-                child.refuse(f"it includes {error.located(name)}")
-            for each in inner.iter():
-                assert isinstance(each, XmlElement)
-                each.file = name
-            self._include(inner, (*within, name))
-            element[place : place + 1] = list(inner)
+    # -- settings
 
     def _read_compiler(self, whole: XmlElement) -> None:
         given: dict[str, str] = {}
-        for each in _all(whole, "compiler"):
+        for each in whole.children("compiler"):
             given |= each.attrib
             if each.get("coordinate", "local") != "local":
                 each.refuse("coordinates are `local`")
         compiler = XmlElement("compiler", {key: given[key] for key in _COMPILER if key in given})
         self.root.insert(0, compiler)
         self._degrees = given.get("angle", "degree") != "radian"
-        self._sequence = given.get("eulerseq", "xyz")
-        if len(self._sequence) != 3 or self._sequence.strip("xyzXYZ"):
-            whole.refuse(f"the `eulerseq` is `{self._sequence[:20]}`, and it has three letters of x, y, z, X, Y, Z")
+        sequence = given.get("eulerseq", "xyz")
+        if len(sequence) != 3 or sequence.strip("xyzXYZ"):
+            whole.refuse(f"the `eulerseq` is `{sequence[:20]}`, and it has three letters of x, y, z, X, Y, Z")
+        self._poses = MjcfPoses(self._degrees, sequence)
         self._auto = given.get("autolimits", "true") != "false"
         self._mesh_folder = given.get("meshdir", given.get("assetdir", ""))
         self._strips = given.get("strippath", "false") == "true"
-
-    # -- defaults
-
-    def _read_defaults(self, section: XmlElement, outer: str | None) -> None:
-        name = section.get("class") or ("main" if outer is None else "")
-        if not name or (outer is not None and name in self._defaults):
-            section.refuse(f"the class `{name}` of defaults exists twice" if name else "a nested `default` has a class")
-        inherited = self._defaults["main" if outer is None else outer]
-        own = self._defaults[name] = {tag: dict(given) for tag, given in inherited.items()}
-        for each in _elements(section):
-            if each.tag != "default":
-                tag = "actuator" if each.tag in _ACTUATORS else each.tag
-                own[tag] = own.get(tag, {}) | each.attrib
-        for each in _all(section, "default"):
-            self._read_defaults(each, name)
-        if outer is None:
-            self.root.append(_kept_defaults(section))
-
-    def _with_defaults(self, element: XmlElement, around: str) -> dict[str, str]:
-        """Return the attributes of an element, with defaults for those that it does not have."""
-        name = element.get("class") or around
-        if name not in self._defaults:
-            element.refuse(f"there are no defaults of the class `{name}`")
-        tag = "actuator" if element.tag in _ACTUATORS else str(element.tag)
-        return self._defaults[name].get(tag, {}) | element.attrib
 
     # -- assets
 
     def _read_assets(self, section: XmlElement) -> None:
         kept = XmlElement("asset")
-        for each in _elements(section):
+        for each in section.children():
             if each.tag in ("texture", "material"):
                 continue
             if each.tag != "mesh" or each.get("builtin") or len(each):
                 each.refuse(f"`{each.tag}` is no asset that a robot can have here; those are meshes from files")
             self._read_mesh(each)
-            kept.append(_kept(each))
+            kept.append(bare(each))
         self.root.append(kept)
 
     def _read_mesh(self, mesh: XmlElement) -> None:
-        given = self._with_defaults(mesh, "main")
+        given = self._defaults.attributes(mesh, "main")
         file = mesh.get("file") or ""
         name = mesh.get("name") or PurePosixPath(file).stem
         if not name or name in self._mesh_scales:
             mesh.refuse(f"the mesh `{name}` exists twice" if name else "a mesh has a `name` or a `file`")
         mesh.set("name", name)
-        scale = self._numbers(mesh, given, "scale", 3) if "scale" in given else (1.0, 1.0, 1.0)
+        scale = numbers_in(mesh, given, "scale", 3) if "scale" in given else (1.0, 1.0, 1.0)
         if not all(scale):
             mesh.refuse("the `scale` of a mesh is not 0")
         if any(key in given for key in ("refpos", "refquat")):
@@ -278,12 +219,12 @@ class MjcfDescription:
 
     def _read_bodies(self, whole: XmlElement) -> None:
         tops: list[XmlElement] = []
-        for section in _all(whole, "worldbody"):
-            for each in _elements(section):
+        for section in whole.children("worldbody"):
+            for each in section.children():
                 if each.tag == "body":
                     tops.append(each)
                 elif each.tag == "geom":
-                    given = self._with_defaults(each, section.get("childclass") or "main")
+                    given = self._defaults.attributes(each, section.get("childclass") or "main")
                     if given.get("type") != "plane":
                         each.refuse("a shape outside of the robot's body; the scenario has entities for such")
                 elif each.tag not in ("light", "camera", "site"):
@@ -306,14 +247,14 @@ class MjcfDescription:
         if body.get("mocap", "false") != "false":
             body.refuse("a body that others move (`mocap`) is no robot")
         self._bodies.append((body, parent, around))
-        kept = _kept(body)
+        kept = bare(body)
         into.append(kept)
         if parent < 0:
             # The scenario says where the robot is.
-            for key in ("pos", *_ORIENTATIONS):
+            for key in ("pos", *ORIENTATIONS):
                 kept.attrib.pop(key, None)
-        self._pose(body, body.attrib)
-        for each in _elements(body):
+        self._poses.pose(body, body.attrib)
+        for each in body.children():
             if each.tag in _UNUSED_IN_BODY:
                 continue
             if each.tag not in _IN_BODY:
@@ -325,11 +266,11 @@ class MjcfDescription:
                 continue
             if each.tag == "geom":
                 self._check_geometry(each, around)
-            kept.append(_kept(each))
+            kept.append(bare(each))
 
     def _read_joint(self, joint: XmlElement, parent: int, around: str) -> bool:
         """Check a joint, and return whether it is one of the robot's own."""
-        given = {} if joint.tag == "freejoint" else self._with_defaults(joint, around)
+        given = {} if joint.tag == "freejoint" else self._defaults.attributes(joint, around)
         kind = "free" if joint.tag == "freejoint" else given.get("type", "hinge")
         if kind == "free" and parent < 0:
             return False
@@ -340,28 +281,28 @@ class MjcfDescription:
             joint.refuse(f"the joint `{name}` moves the robot's base; a base is fixed or free, as the scenario says")
         if name in self._joints:
             joint.refuse(f"the joint `{name}` exists twice")
-        if "ref" in given and self._numbers(joint, given, "ref", 1)[0]:
+        if "ref" in given and numbers_in(joint, given, "ref", 1)[0]:
             joint.refuse(f"the joint `{name}` has a reference position (`ref`), which is not read; it is 0")
-        axis = self._numbers(joint, given, "axis", 3) if "axis" in given else (0.0, 0.0, 1.0)
+        axis = numbers_in(joint, given, "axis", 3) if "axis" in given else (0.0, 0.0, 1.0)
         if not any(axis):
             joint.refuse(f"the axis of the joint `{name}` has no direction")
         for key, count in (("pos", 3), ("range", 2), ("actuatorfrcrange", 2)):
             if key in given:
-                self._numbers(joint, given, key, count)
+                numbers_in(joint, given, key, count)
         joint.set("name", name)
         self._joints[name] = joint, given
         return True
 
     def _check_geometry(self, geometry: XmlElement, around: str) -> None:
-        given = self._with_defaults(geometry, around)
+        given = self._defaults.attributes(geometry, around)
         kind = given.get("type", "mesh" if "mesh" in given else "sphere")
         if kind not in _SIZES:
             geometry.refuse(f"`{kind}` is no shape of a robot; those are {', '.join(sorted(_SIZES))}")
-        self._pose(geometry, given)
+        self._poses.pose(geometry, given)
         if kind == "mesh" and given.get("mesh") not in self._mesh_scales:
             geometry.refuse(f"there is no mesh `{given.get('mesh', '')}` in `asset`")
         if "fromto" in given:
-            self._numbers(geometry, given, "fromto", 6)
+            numbers_in(geometry, given, "fromto", 6)
         if kind != "mesh":
             if given.get("mesh"):
                 geometry.refuse("a shape that is fitted to a mesh is not read; give its `size`")
@@ -371,20 +312,20 @@ class MjcfDescription:
                 geometry.refuse(f"a `{kind}` has {least} sizes greater than 0, not `{given.get('size', '')[:60]}`")
 
     def _keep_couplings(self, whole: XmlElement) -> None:
-        for section in _all(whole, "equality"):
+        for section in whole.children("equality"):
             kept = XmlElement("equality")
-            for each in _elements(section):
+            for each in section.children():
                 if each.tag not in ("connect", "weld", "joint"):
                     each.refuse(f"the equality `{each.tag}` is not read; those are connect, joint and weld")
-                kept.append(_kept(each))
+                kept.append(bare(each))
             self.root.append(kept)
-        for section in _all(whole, "tendon"):
-            for each in _elements(section):
-                given = self._with_defaults(each, "main")
+        for section in whole.children("tendon"):
+            for each in section.children():
+                given = self._defaults.attributes(each, "main")
                 felt = [key for key in ("stiffness", "damping", "range", "frictionloss", "armature") if key in given]
                 if each.tag != "fixed" or felt:
                     each.refuse("a tendon with forces of its own is not read; only actuators may use it")
-        for each in _elements(whole):
+        for each in whole.children():
             known = {"compiler", "default", "asset", "worldbody", "equality", "tendon", "actuator", *_OF_OTHERS}
             if each.tag not in known:
                 each.refuse(f"`{each.tag}` is no section of a robot that is read here")
@@ -401,16 +342,16 @@ class MjcfDescription:
     def _read_actuators(self, whole: XmlElement) -> dict[str, float]:
         """Return the greatest force or torque of each joint that has an actuator with a limit [N] or [N m]."""
         efforts: dict[str, float] = {}
-        for section in _all(whole, "actuator"):
-            for each in _elements(section):
-                given, joint = self._with_defaults(each, "main"), each.get("joint")
-                if joint is None or each.tag not in _ACTUATORS:
+        for section in whole.children("actuator"):
+            for each in section.children():
+                given, joint = self._defaults.attributes(each, "main"), each.get("joint")
+                if joint is None or each.tag not in ACTUATORS:
                     continue
                 if joint not in self._joints:
                     each.refuse(f"there is no joint `{joint}`")
                 key = "forcerange" if "forcerange" in given else "ctrlrange" if each.tag == "motor" else None
                 if key is not None and key in given:
-                    low, high = self._numbers(each, given, key, 2)
+                    low, high = numbers_in(each, given, key, 2)
                     gear = numbers_of(each, "gear", given.get("gear", "1"), None)[:1] or (1.0,)
                     efforts[joint] = max(abs(low), abs(high)) * abs(gear[0])
         return efforts
@@ -426,10 +367,10 @@ class MjcfDescription:
             lower, upper = -math.inf, math.inf
             if "range" in given and (limited == "true" or (limited == "auto" and self._auto)):
                 factor = math.pi / 180.0 if turns and self._degrees else 1.0
-                lower, upper = (factor * each for each in self._numbers(element, given, "range", 2))
+                lower, upper = (factor * each for each in numbers_in(element, given, "range", 2))
             effort = self._efforts.get(name, math.inf)
             if "actuatorfrcrange" in given and given.get("actuatorfrclimited", "auto") != "false":
-                effort = min(effort, max(map(abs, self._numbers(element, given, "actuatorfrcrange", 2))))
+                effort = min(effort, max(map(abs, numbers_in(element, given, "actuatorfrcrange", 2))))
             found[name] = RobotJoint(name, turns, lower, upper, effort, math.inf, element)
         return found
 
@@ -446,36 +387,36 @@ class MjcfDescription:
         links: list[Link] = []
         places: list[int] = []
         for body, parent, around in self._bodies:
-            position, orientation = self._pose(body, body.attrib) if parent >= 0 else (np.zeros(3), _UNTURNED)
+            position, orientation = self._poses.pose(body, body.attrib) if parent >= 0 else (np.zeros(3), UNTURNED)
             carrier, label = places[parent] if parent >= 0 else -1, str(body.get("name"))
-            joints = [each for each in _all(body, "joint") if each.get("name") in self._joints and parent >= 0]
+            joints = [each for each in body.children("joint") if each.get("name") in self._joints and parent >= 0]
             offset = np.zeros(3)
             for number, joint in enumerate(joints):
                 _, given = self._joints[str(joint.get("name"))]
-                at = np.array(self._numbers(joint, given, "pos", 3)) if "pos" in given else np.zeros(3)
-                axis = np.array(self._numbers(joint, given, "axis", 3) if "axis" in given else (0.0, 0.0, 1.0))
+                at = np.array(numbers_in(joint, given, "pos", 3)) if "pos" in given else np.zeros(3)
+                axis = np.array(numbers_in(joint, given, "axis", 3) if "axis" in given else (0.0, 0.0, 1.0))
                 last = number == len(joints) - 1 and not at.any()
                 links.append(
                     Link(
                         name=label if last else f"{label}/{joint.get('name')}",
                         parent=carrier,
-                        position=_triple(scale * (position + rotated(orientation, at - offset))),
-                        orientation=_quadruple(orientation),
+                        position=triple(scale * (position + rotated(orientation, at - offset))),
+                        orientation=quadruple(orientation),
                         joint=str(joint.get("name")),
                         motion="turn" if given.get("type", "hinge") == "hinge" else "slide",
-                        axis=_triple(axis / np.linalg.norm(axis)),
-                        visuals=self._visuals(body, around, paths, scale) if last else (),
+                        axis=triple(axis / np.linalg.norm(axis)),
+                        visuals=self._looks.visuals(body, around, paths, scale) if last else (),
                     )
                 )
-                carrier, position, orientation, offset = len(links) - 1, np.zeros(3), _UNTURNED, at
+                carrier, position, orientation, offset = len(links) - 1, np.zeros(3), UNTURNED, at
             if not joints or offset.any():
                 links.append(
                     Link(
                         name=label,
                         parent=carrier,
-                        position=_triple(scale * (position - offset)),
-                        orientation=_quadruple(orientation),
-                        visuals=self._visuals(body, around, paths, scale),
+                        position=triple(scale * (position - offset)),
+                        orientation=quadruple(orientation),
+                        visuals=self._looks.visuals(body, around, paths, scale),
                     )
                 )
             places.append(len(links) - 1)
@@ -484,169 +425,16 @@ class MjcfDescription:
     def rolling_radius(self, joint: str) -> float | None:
         """Return the radius of the round shape that a joint carries, such as a wheel [m]; None without one."""
         for body, _, around in self._bodies:
-            if all(each.get("name") != joint for each in _all(body, "joint")):
+            if all(each.get("name") != joint for each in body.children("joint")):
                 continue
-            for geometry in _all(body, "geom"):
-                given = self._with_defaults(geometry, around)
+            for geometry in body.children("geom"):
+                given = self._defaults.attributes(geometry, around)
                 if given.get("type", "mesh" if "mesh" in given else "sphere") in ("cylinder", "sphere", "capsule"):
                     return numbers_of(geometry, "size", given["size"], None)[0]
         return None
-
-    def _visuals(self, body: XmlElement, around: str, paths: Mapping[str, Path], scale: float) -> tuple[Visual, ...]:
-        """Return the visual shapes of a body: those that do not collide if there are any, else all shapes."""
-        shapes = [(each, self._with_defaults(each, around)) for each in _all(body, "geom")]
-        seen = [each for each in shapes if each[1].get("contype") == "0" and each[1].get("conaffinity") == "0"]
-        drawn = (self._visual(element, given, paths, scale) for element, given in seen or shapes)
-        return tuple(each for each in drawn if each)
-
-    def _visual(
-        self, element: XmlElement, given: dict[str, str], paths: Mapping[str, Path], scale: float
-    ) -> Visual | None:
-        kind = given.get("type", "mesh" if "mesh" in given else "sphere")
-        position, orientation = self._pose(element, given)
-        colour = self._numbers(element, given, "rgba", 4) if "rgba" in given else None
-        colour = colour or self._colours.get(given.get("material"))
-        common = {
-            "orientation": _quadruple(orientation),
-            "colour": tuple(min(max(each, 0.0), 1.0) for each in colour) if colour else None,
-        }
-        if kind == "mesh":
-            name = str(given.get("mesh"))
-            path = paths.get(self._mesh_files.get(name, ""))
-            if path is None:
-                return None
-            size = tuple(scale * each for each in self._mesh_scales[name])
-            return Visual(kind="mesh", size=size, mesh=str(path), position=_triple(scale * position), **common)
-        sizes = [scale * each for each in numbers_of(element, "size", given["size"], None)]
-        if "fromto" in given:
-            ends = np.array(self._numbers(element, given, "fromto", 6)).reshape(2, 3)
-            half = 0.5 * scale * float(np.linalg.norm(ends[1] - ends[0]))
-            position, sizes = ends.mean(axis=0), [*sizes[: 2 if kind in ("box", "ellipsoid") else 1], half]
-            common["orientation"] = _quadruple(_along(ends[1] - ends[0]))
-        place = _triple(scale * position)
-        if kind == "box":
-            return Visual(kind="box", size=tuple(2.0 * each for each in sizes[:3]), position=place, **common)
-        if kind in ("capsule", "cylinder"):
-            return Visual(kind=kind, size=(sizes[0], 2.0 * sizes[1]), position=place, **common)
-        # An ellipsoid is drawn as the ball around it.
-        return Visual(
-            kind="sphere", size=(max(sizes[:3]) if kind == "ellipsoid" else sizes[0],), position=place, **common
-        )
-
-    # -- numbers and poses
-
-    def _numbers(self, element: XmlElement, given: Mapping[str, str], key: str, count: int) -> tuple[float, ...]:
-        return numbers_of(element, key, given.get(key, ""), count)
-
-    def _numbers_in(self, element: XmlElement, key: str, count: int) -> tuple[float, ...] | None:
-        return numbers_of(element, key, element.attrib[key], count) if key in element.attrib else None
-
-    def _pose(self, element: XmlElement, given: Mapping[str, str]) -> _Pose:
-        """Return the position [m] and the orientation, as a quaternion (x, y, z, w), that attributes give."""
-        position = np.array(self._numbers(element, given, "pos", 3)) if "pos" in given else np.zeros(3)
-        ways = [key for key in _ORIENTATIONS if key in given]
-        if len(ways) > 1:
-            # An element's own attribute takes precedence over a default.
-            ways = [key for key in ways if key in element.attrib] or ways
-        if not ways:
-            return position, _UNTURNED
-        if len(ways) > 1:
-            element.refuse(f"it has one orientation, not `{ways[0]}` and `{ways[1]}`")
-        values = np.array(self._numbers(element, given, ways[0], _ORIENTATIONS[ways[0]]))
-        return position, self._orientation(element, ways[0], values)
-
-    def _orientation(self, element: XmlElement, way: str, values: Array) -> Array:
-        factor = math.pi / 180.0 if self._degrees else 1.0
-        if way == "euler":
-            turned = _UNTURNED
-            for letter, angle in zip(self._sequence, values.tolist(), strict=True):
-                part = about(_AXES[letter.lower()], factor * angle)
-                turned = composed(turned, part) if letter.islower() else composed(part, turned)
-            return turned
-        parts = {"quat": values, "axisangle": values[:3], "zaxis": values, "xyaxes": values[:3]}[way]
-        if not parts.any():
-            element.refuse(f"the `{way}` of a `{element.tag}` has no direction")
-        if way == "quat":
-            unit = values / np.linalg.norm(values)
-            return np.roll(unit, -1)
-        if way == "axisangle":
-            return about(_triple(parts / np.linalg.norm(parts)), factor * float(values[3]))
-        if way == "zaxis":
-            return _along(values)
-        x = values[:3] / np.linalg.norm(values[:3])
-        y = values[3:] - x * float(x @ values[3:])
-        if not np.linalg.norm(y) > 1e-9:
-            element.refuse(f"the axes in `{way}` are parallel")
-        y = y / np.linalg.norm(y)
-        return _from_axes(np.column_stack([x, y, np.cross(x, y)]))
-
-
-_UNTURNED = np.array([0.0, 0.0, 0.0, 1.0])
-_AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-
-
-def _along(direction: Array) -> Array:
-    """Return the least rotation that turns the z axis into a direction, as a quaternion (x, y, z, w)."""
-    x, y, z = (direction / np.linalg.norm(direction)).tolist()
-    across = math.hypot(x, y)
-    if across < 1e-12:
-        return _UNTURNED if z > 0.0 else np.array([1.0, 0.0, 0.0, 0.0])
-    return about((-y / across, x / across, 0.0), float(np.arctan2(across, z)))
-
-
-def _from_axes(matrix: Array) -> Array:
-    """Return the quaternion (x, y, z, w) of a rotation matrix, by its greatest component."""
-    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = matrix.tolist()
-    found = [
-        np.array([1.0 + xx - yy - zz, xy + yx, xz + zx, zy - yz]),
-        np.array([xy + yx, 1.0 - xx + yy - zz, yz + zy, xz - zx]),
-        np.array([xz + zx, yz + zy, 1.0 - xx - yy + zz, yx - xy]),
-        np.array([zy - yz, xz - zx, yx - xy, 1.0 + xx + yy + zz]),
-    ]
-    best = max(range(4), key=lambda number: float(found[number][number]))
-    unit: Array = found[best] / np.linalg.norm(found[best])
-    return unit
-
-
-def _triple(values: Array) -> tuple[float, float, float]:
-    x, y, z = values.tolist()
-    return x, y, z
-
-
-def _quadruple(values: Array) -> tuple[float, float, float, float]:
-    x, y, z, w = values.tolist()
-    return x, y, z, w
-
-
-def _kept(element: XmlElement) -> XmlElement:
-    """Return an element without its children and its material, at the same place."""
-    kept = XmlElement(element.tag, {key: own for key, own in element.attrib.items() if key != "material"})
-    kept.line, kept.column, kept.file = element.line, element.column, element.file
-    return kept
-
-
-def _kept_defaults(section: XmlElement) -> XmlElement:
-    """Return defaults without those of visual shapes and actuators."""
-    kept = _kept(section)
-    for each in _elements(section):
-        if each.tag == "default":
-            kept.append(_kept_defaults(each))
-        elif each.tag in ("joint", "geom", "site", "mesh", "equality"):
-            kept.append(_kept(each))
-    return kept
 
 
 def _copied(whole: XmlElement) -> XmlElement:
     root = XmlElement("mujoco", {"model": whole.get("model") or "robot"})
     root.line, root.column = whole.line, whole.column
     return root
-
-
-def _elements(element: XmlElement) -> Iterator[XmlElement]:
-    for each in element:
-        assert isinstance(each, XmlElement)
-        yield each
-
-
-def _all(element: XmlElement, tag: str) -> list[XmlElement]:
-    return [each for each in _elements(element) if each.tag == tag]

@@ -141,8 +141,8 @@ class RobotDescription:
         """Leave out shapes that are not needed, such as visual shapes whose meshes are missing."""
         for link in self._links.values():
             for kind in ("visual", "collision"):
-                for each in _all(link, kind):
-                    if any(shape in shapes for geometry in _all(each, "geometry") for shape in geometry):
+                for each in link.children(kind):
+                    if any(shape in shapes for geometry in each.children("geometry") for shape in geometry):
                         link.remove(each)
         self.meshes = [each for each in self.meshes if each.element not in shapes]
 
@@ -152,7 +152,7 @@ class RobotDescription:
         """Return the joints that mimic others, by name, with the relation of each."""
         found = {}
         for name, joint in self._joints.items():
-            for mimic in _all(joint, "mimic"):
+            for mimic in joint.children("mimic"):
                 factor, offset = (
                     _numbers(mimic, key, 1)[0] if mimic.get(key) else default
                     for key, default in (("multiplier", 1.0), ("offset", 0.0))
@@ -195,12 +195,12 @@ class RobotDescription:
             scale: Scale factor of all lengths.
             name: Its name if the file has none.
         """
-        colours = {material.get("name"): _colour(material) for material in _all(self.root, "material")}
+        colours = {material.get("name"): _colour(material) for material in self.root.children("material")}
         links: list[Link] = []
         waiting: list[tuple[str, int, XmlElement | None]] = [(self._base, -1, None)]
         while waiting:
             link, parent, joint = waiting.pop(0)
-            visuals = [_visual(each, paths, scale, colours) for each in _all(self._links[link], "visual")]
+            visuals = [_visual(each, paths, scale, colours) for each in self._links[link].children("visual")]
             placed = {} if joint is None else _placed_joint(joint, scale)
             drawn = tuple(visual for visual in visuals if visual)
             waiting += [(child, len(links), each) for child, each in self._carried[link]]
@@ -215,7 +215,7 @@ class RobotDescription:
             if kind not in _MOTIONS:
                 continue
             limits = {"lower": -math.inf, "upper": math.inf, "effort": math.inf, "velocity": math.inf}
-            for limit in _all(joint, "limit")[:1]:
+            for limit in joint.children("limit")[:1]:
                 limits |= {key: _numbers(limit, key, 1)[0] for key in limits if limit.get(key)}
                 if kind != "continuous":
                     limits |= {key: 0.0 for key in ("lower", "upper") if not limit.get(key)}
@@ -227,15 +227,15 @@ class RobotDescription:
     def rolling_radius(self, joint: str) -> float | None:
         """Return the radius of the round shape that a joint carries, such as a wheel [m]; None without one."""
         _, child = self._ends(self._joints[joint])
-        for collision in _all(self._links[child], "collision"):
-            for shape in (each for geometry in _all(collision, "geometry") for each in _shapes(geometry)):
+        for collision in self._links[child].children("collision"):
+            for shape in (each for geometry in collision.children("geometry") for each in _shapes(geometry)):
                 if shape.tag in ("cylinder", "sphere", "capsule"):
                     return _numbers(shape, "radius", 1)[0]
         return None
 
     def collision_shapes(self) -> Mapping[str, int]:
         """Return the number of collision shapes that each link declares, by its name."""
-        return {name: len(_all(link, "collision")) for name, link in self._links.items()}
+        return {name: len(link.children("collision")) for name, link in self._links.items()}
 
     # -- checks
 
@@ -248,7 +248,7 @@ class RobotDescription:
     def _named(self, tag: str, most: int) -> dict[str, XmlElement]:
         """Return the links or the joints by their names."""
         found: dict[str, XmlElement] = {}
-        for element in _all(self.root, tag):
+        for element in self.root.children(tag):
             name = element.get("name") or ""
             if not name.strip():
                 element.refuse(f"a {tag} has a name")
@@ -265,7 +265,7 @@ class RobotDescription:
         """Return the parent and the child of a joint."""
         ends = []
         for end in ("parent", "child"):
-            elements = _all(joint, end)
+            elements = joint.children(end)
             if len(elements) != 1 or not elements[0].get("link"):
                 joint.refuse(f"the joint `{joint.get('name')}` has one `{end}`, which names a link")
             link = elements[0].get("link") or ""
@@ -296,18 +296,18 @@ class RobotDescription:
     def _check_link(self, link: XmlElement) -> None:
         name = link.get("name")
         for kind in ("inertial", "visual", "collision"):
-            elements = _all(link, kind)
+            elements = link.children(kind)
             if kind == "inertial" and len(elements) > 1:
                 elements[1].refuse(f"the link `{name}` has two `inertial` elements")
             for element in elements:
                 if kind == "inertial":
-                    for mass in _all(element, "mass"):
+                    for mass in element.children("mass"):
                         _numbers(mass, "value", 1, finite=False)
                 else:
                     self._check_shape(element, name, kind == "collision")
 
     def _check_shape(self, element: XmlElement, link: str | None, collides: bool) -> None:
-        geometries = _all(element, "geometry")
+        geometries = element.children("geometry")
         shapes = [shape for geometry in geometries for shape in _shapes(geometry)]
         if len(geometries) != 1 or len(shapes) != 1:
             element.refuse(f"a `{element.tag}` of the link `{link}` has one `geometry` with one shape")
@@ -337,12 +337,12 @@ class RobotDescription:
         name, kind = joint.get("name"), joint.get("type")
         if kind not in _JOINT_TYPES:
             joint.refuse(f"the joint `{name}` has the type `{kind}`; the types are {', '.join(sorted(_JOINT_TYPES))}")
-        for axis in _all(joint, "axis"):
+        for axis in joint.children("axis"):
             if kind in _MOTIONS and not any(_required(axis, "xyz", 3)):
                 axis.refuse(f"the axis of the joint `{name}` has no direction")
 
     def _check_numbers(self) -> None:
-        for part in (*self._links.values(), *self._joints.values(), *_all(self.root, "material")):
+        for part in (*self._links.values(), *self._joints.values(), *self.root.children("material")):
             for tag, key, count in _NUMBERS:
                 for element in part.iter(tag):
                     assert isinstance(element, XmlElement)
@@ -355,7 +355,7 @@ def _placed_joint(joint: XmlElement, scale: float) -> dict[str, object]:
     placed: dict[str, object] = {**_origin(joint, scale)}
     if motion == "fixed":
         return placed
-    axes = _all(joint, "axis")
+    axes = joint.children("axis")
     along = np.array(_numbers(axes[0], "xyz", 3) if axes else (1.0, 0.0, 0.0))
     along = along / max(float(np.linalg.norm(along)), 1e-12)
     return {**placed, "joint": joint.get("name") or "", "motion": motion, "axis": tuple(along.tolist())}
@@ -364,7 +364,7 @@ def _placed_joint(joint: XmlElement, scale: float) -> dict[str, object]:
 def _origin(element: XmlElement, scale: float) -> dict[str, tuple[float, ...]]:
     position: Sequence[float] = (0.0, 0.0, 0.0)
     angles: Sequence[float] = (0.0, 0.0, 0.0)
-    for origin in _all(element, "origin")[:1]:
+    for origin in element.children("origin")[:1]:
         position = [scale * each for each in _numbers(origin, "xyz", 3)] if origin.get("xyz") else position
         angles = _numbers(origin, "rpy", 3) if origin.get("rpy") else angles
     return {"position": tuple(position), "orientation": tuple(attitude(*angles).tolist())}
@@ -376,9 +376,9 @@ def _visual(
     scale: float,
     colours: Mapping[str | None, tuple[float, float, float, float] | None],
 ) -> Visual | None:
-    shape = next(shape for geometry in _all(element, "geometry") for shape in _shapes(geometry))
+    shape = next(shape for geometry in element.children("geometry") for shape in _shapes(geometry))
     colour = None
-    for material in _all(element, "material")[:1]:
+    for material in element.children("material")[:1]:
         colour = _colour(material) or colours.get(material.get("name"))
     mesh, size = "", [number for key, count in _SIZES[shape.tag] for number in _numbers(shape, key, count)]
     if shape.tag == "mesh":
@@ -432,7 +432,7 @@ def material_colour(path: Path) -> tuple[float, float, float, float] | None:
 
 
 def _colour(material: XmlElement) -> tuple[float, float, float, float] | None:
-    for colour in _all(material, "color")[:1]:
+    for colour in material.children("color")[:1]:
         if colour.get("rgba"):
             red, green, blue, opacity = (min(max(each, 0.0), 1.0) for each in _numbers(colour, "rgba", 4))
             return red, green, blue, opacity
@@ -451,13 +451,9 @@ def _scale(shape: XmlElement) -> tuple[float, float, float]:
     return first, second, third
 
 
-def _all(element: XmlElement, tag: str) -> list[XmlElement]:
-    return [each for each in element.iterfind(tag) if isinstance(each, XmlElement)]
-
-
 def _shapes(geometry: XmlElement) -> list[XmlElement]:
     """Return the shapes of a geometry. A `material` within a geometry is misplaced, and is ignored as engines do."""
-    return [each for each in _all(geometry, "*") if each.tag != "material"]
+    return [each for each in geometry.children() if each.tag != "material"]
 
 
 def _required(element: XmlElement, key: str, count: int) -> tuple[float, ...]:

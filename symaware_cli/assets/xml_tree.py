@@ -26,6 +26,10 @@ class XmlElement(Element):
     column: int
     file: str = ""
 
+    def children(self, *tags: str) -> list[XmlElement]:
+        """Return the elements in this one, in their order; of all tags, or of some."""
+        return [each for each in self if isinstance(each, XmlElement) and (not tags or each.tag in tags)]
+
     def refuse(self, message: str) -> NoReturn:
         """Refuse the file for a problem with this element.
 

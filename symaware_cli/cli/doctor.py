@@ -31,14 +31,14 @@ _AGAIN = "pip install --force-reinstall {}"
 
 @dataclass(frozen=True, slots=True)
 class InstallationFact:
-    """What was found about a part of the installation.
+    """The state of a part of the installation.
 
     Attributes:
         name: The part.
         status: ``works``; ``missing``, if it is optional and not installed; ``broken``, if it is installed and does not
             work; or ``unknown``, if it could not be tried.
-        message: What was found.
-        remedy: What to do; empty if nothing has to be done.
+        message: The version of the part, or the problem with it.
+        remedy: How to repair or install the part; empty if nothing has to be done.
     """
 
     name: str
@@ -54,9 +54,9 @@ def doctor(
     ] = False,
     as_json: Json = False,
 ) -> None:
-    """Say what is installed, what of it works, and what to do about the rest.
+    """List the parts of the installation, whether they work, and how to repair those that do not.
 
-    Exit status 3 if something that is installed does not work. What is not installed is no fault.
+    Exit status 3 if an installed part does not work. Missing optional parts are no error.
     """
     found = []
     for each in _diagnosed(quick=quick):

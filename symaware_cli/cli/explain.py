@@ -13,6 +13,7 @@ from symaware_cli.cli import terminal
 from symaware_cli.cli.folding import folded, width_of
 from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
+from symaware_cli.world import counted
 
 if TYPE_CHECKING:
     from symaware_cli.evidence import Candidate, CandidateRow, Explanation, ExplanationPlan, FutureComparison
@@ -125,16 +126,12 @@ def explain(
 
 
 def _announce(plan: ExplanationPlan) -> None:
-    """Say what it will cost, on the standard error, since the time differs from machine to machine."""
-    size = f"{_counted(plan.candidates, 'candidate')}, {_counted(len(plan.instants), 'instant')}"
+    """Print the expected cost to the standard error, because the time differs from machine to machine."""
+    size = f"{counted(plan.candidates, 'candidate')}, {counted(len(plan.instants), 'instant')}"
     terminal.say(
         f"at most {plan.branches:,} branches, about {plan.cpu_time:.0f} s of CPU time ({size}, {plan.futures} futures)",
         err=True,
     )
-
-
-def _counted(count: int, noun: str) -> str:
-    return f"{count:,} {noun}{'' if count == 1 else 's'}"
 
 
 def _lines(found: Explanation, output: Path | None) -> Iterator[str]:

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from symaware_cli.api import number, size_in_words
+from symaware_cli.api import size_in_words
 from symaware_cli.api.progress import progress
 from symaware_cli.cli import terminal
 from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
+from symaware_cli.world import counted
 
 if TYPE_CHECKING:
     from symaware_cli.views import Exported
@@ -105,5 +106,5 @@ def _text(path: Path, place: Path, exported: Exported) -> str:
     lines += [
         [name, f"{entries:,}", "" if size is None else size_in_words(size)] for name, entries, size in exported.parts
     ]
-    total = f"{number(len(exported.parts), part)}, {count:,} {entry}, {size_in_words(exported.size)}"
+    total = f"{counted(len(exported.parts), part)}, {count:,} {entry}, {size_in_words(exported.size)}"
     return "\n".join([f"{path}: {total} in {place}", "", *aligned(lines, "<>")])

@@ -11,6 +11,7 @@ import typer
 
 from symaware_cli.cli import terminal
 from symaware_cli.help_place import in_help
+from symaware_cli.world import counted
 
 if TYPE_CHECKING:
     from symaware_cli.evidence import Falsification
@@ -72,7 +73,7 @@ def _lines(found: Falsification) -> Iterator[str]:
     result, outcome = found.result, found.outcome
     failed = f", {result.failed:,} of them failed" if result.failed else ""
     one_by_one = [] if result.one_by_one is None else [f"  {'one by one':<12} {terminal.printable(result.one_by_one)}"]
-    looked = f"{_count(result.runs, 'run')} by {found.method}, seed {found.seed}{failed}"
+    looked = f"{counted(result.runs, 'run')} by {found.method}, seed {found.seed}{failed}"
     if not found.is_found:
         yield f"{found.scenario}: no violation of {found.specification} found, which does not prove that there is none"
         yield f"  {'looked':<12} {looked}"
@@ -94,13 +95,9 @@ def _lines(found: Falsification) -> Iterator[str]:
         yield f"  {'with':<12} {path}={json.dumps(value)}"
     if not result.values:
         yield f"  {'with':<12} nothing changed: the scenario itself violates it"
-    values = _count(len(result.found or ()), "value")
+    values = counted(len(result.found or ()), "value")
     yield f"  {'found after':<12} {looked}; {result.shrinking:,} more to simplify {values}"
     yield from one_by_one
     if found.folder is not None:
         yield f"  {'to repeat':<12} symaware run {found.folder / 'counterexample.yaml'}"
         yield f"  {'log':<12} {found.folder / 'counterexample.mcap'}"
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"

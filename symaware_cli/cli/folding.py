@@ -1,6 +1,6 @@
 """Text that fits the terminal: lines are folded between words, and a number stays with its unit.
 
-Only text in a terminal is folded: what is written to a file or a pipe keeps its lines, for `grep`.
+Only text in a terminal is folded: the lines of files and pipes stay whole, for `grep`.
 
 Reasons: docs/decisions/0113-fitting-the-terminal-and-the-view.md
 """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict
 from itertools import chain, islice
 from typing import Any
@@ -17,6 +17,7 @@ from symaware_cli.cli.text_table import aligned
 from symaware_cli.language import nearest
 from symaware_cli.log import EntryFilter, Log, LogError, Overview, Series, UnknownNameError
 from symaware_cli.log.logged_events import Communication, LoggedContact, LoggedEvent
+from symaware_cli.world import listed
 
 #: How many columns of a channel are named.
 _MOST = 9
@@ -83,20 +84,13 @@ def _channels(summary: Overview) -> list[str]:
     lines = [["channel", "messages", "rate", "size", "content"]]
     for channel in summary.channels:
         rate = f"{channel.rate:.4g} Hz" if channel.rate else "-"
-        content = printable(f"{channel.schema.rpartition('.')[2]} {_listed(channel.columns)}".rstrip())
+        content = printable(f"{channel.schema.rpartition('.')[2]} {listed(channel.columns, _MOST)}".rstrip())
         lines.append([printable(channel.topic), f"{channel.messages:,}", rate, size_in_words(channel.size), content])
     return aligned(lines, "<>>><")
 
 
 def _line(label: str, text: str) -> str:
     return f"  {label:<9} {printable(text)}"
-
-
-def _listed(names: Sequence[str]) -> str:
-    """The names, or the first few of many."""
-    if len(names) <= _MOST + 1:
-        return ", ".join(names)
-    return f"{', '.join(names[:_MOST])} and {len(names) - _MOST} more"
 
 
 #: How much of a payload is shown.

@@ -10,6 +10,7 @@ import typer
 from symaware_cli.api import size_in_words
 from symaware_cli.cli.terminal import DATA_LOST, Json, print_json, say, trouble_shown
 from symaware_cli.help_place import in_help
+from symaware_cli.world import counted
 
 if TYPE_CHECKING:
     from symaware_cli.log import Log, Recovery
@@ -81,7 +82,7 @@ def _text(log: Log, recovery: Recovery | None) -> str:
     span = f", {start:.9g} to {end:.9g} s" if start is not None else ""
     lines = [
         f"{recovery.path}: {size_in_words(recovery.size)}",
-        f"  kept  {_count(recovery.messages, 'message')}{span}; {_count(recovery.attachments, 'attachment')}",
+        f"  kept  {counted(recovery.messages, 'message')}{span}; {counted(recovery.attachments, 'attachment')}",
     ]
     damage = log.damage
     if damage and damage.lost:
@@ -89,10 +90,6 @@ def _text(log: Log, recovery: Recovery | None) -> str:
     else:
         lines.append(f"  lost  nothing{f': {damage}' if damage else ''}")
     return "\n".join(lines)
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
 def _seconds(time: int | None) -> float | None:

@@ -229,7 +229,7 @@ def _film(
     bar: bool,
     as_json: bool,
 ) -> None:
-    """Write a video, and print what it is."""
+    """Write a video, and print its properties."""
     from symaware_cli.views import THEMES, ForeignReplaySession, VideoRequest, write_replay
 
     assert not isinstance(shown, ForeignReplaySession)

@@ -1,7 +1,7 @@
 """The option ``--results``: files with the results of a command, for continuous integration.
 
-Verbs note what they decide, and errors are noted where they are shown (`terminal`). The files are written when the
-command ends, however it ends.
+Verbs note their results, and errors are noted when they are shown (`terminal`). The files are written when the command
+ends, also with an error.
 
 Reasons: docs/decisions/0085-results-for-continuous-integration.md
 """

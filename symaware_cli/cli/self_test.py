@@ -1,6 +1,6 @@
-"""Small uses of what is installed, each in a process of its own, which a broken library may end.
+"""Small tests of installed libraries, each in a process of its own, because a broken library may end its process.
 
-``python -m symaware_cli.cli.self_test NAME [ARGUMENT]`` prints a line of JSON with what came of one.
+``python -m symaware_cli.cli.self_test NAME [ARGUMENT]`` prints the result of one as a line of JSON.
 """
 
 from __future__ import annotations

@@ -243,10 +243,10 @@ def _checked(target: Path, request: SweepRequest) -> dict[str, Any]:
 
 
 def _plan_text(plan: dict[str, Any]) -> str:
-    from symaware_cli.api import number
+    from symaware_cli.world import counted
 
     cells = plan["combinations"]
-    lines = [f"sound; {number(plan['runs'], 'run')}: {plan['runs_of_each']:,} of each of {len(cells):,}"]
+    lines = [f"sound; {counted(plan['runs'], 'run')}: {plan['runs_of_each']:,} of each of {len(cells):,}"]
     for cell in cells[:20]:
         values = [f"{path}={value}" for path, value in cell["parameters"].items()]
         lines.append("  " + ", ".join([*([cell["variant"]] if "variant" in cell else []), *values] or ["as it is"]))

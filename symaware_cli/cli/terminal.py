@@ -255,7 +255,7 @@ def span(start: float | None, end: float | None, as_json: bool = False) -> tuple
 
 @contextmanager
 def trouble_shown(as_json: bool = False) -> Iterator[None]:
-    """Report errors that the user can correct without a traceback, and what was saved before Ctrl-C; exit.
+    """Report errors that the user can correct without a traceback; after Ctrl-C, name the saved files; exit.
 
     Args:
         as_json: Whether to report them as JSON.
@@ -290,10 +290,11 @@ def trouble_shown(as_json: bool = False) -> Iterator[None]:
 
 
 def interruption(saved: Iterable[Path]) -> str:
-    """Return what a command says after Ctrl-C.
+    """Return the message of a command after Ctrl-C.
 
     Args:
-        saved: What was written; files that no longer exist are left out, such as those of an unfinished folder.
+        saved: The files that were written; those that no longer exist are left out, such as parts of an unfinished
+            folder.
     """
     there = [str(path) for path in saved if path.exists()]
     return f"interrupted; saved: {', '.join(map(printable, there))}" if there else "interrupted; nothing was saved"

@@ -39,7 +39,7 @@ def _least(column: Sequence[str]) -> int:
 
 
 def _blocks(least: Sequence[int], width: int | None) -> Iterator[list[int]]:
-    """Yield the columns of each block, of which the first is in all of them."""
+    """Yield the numbers of the columns of each block; the first column is in every block."""
     block: list[int] = []
     for number in range(len(least)):
         used = sum(least[each] for each in block) + len(_BETWEEN) * len(block)

@@ -67,7 +67,7 @@ def validate(
 
 
 def _plain(outlines: list[tuple[Path, Outline]]) -> dict[str, Any]:
-    """What is printed of sound scenarios: the facts of one beside the verdict, of several in a list."""
+    """Return the report on valid scenarios as plain data: of one, its facts beside the verdict; of several, a list."""
     from symaware_cli.language import to_json
 
     warnings = [each for _, outline in outlines for each in to_json(outline.warnings)]

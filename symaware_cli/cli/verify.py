@@ -12,6 +12,7 @@ import typer
 from symaware_cli.cli import terminal
 from symaware_cli.cli.result_files import Results, note
 from symaware_cli.help_place import in_help
+from symaware_cli.world import counted
 
 if TYPE_CHECKING:
     from symaware_cli.evidence import Finding, Level, ResultCase, SweepVerification, VerificationResult
@@ -183,7 +184,7 @@ def _report(result: SweepVerification) -> Iterator[str]:
 
 
 def _outcome(findings: Sequence[Finding]) -> str:
-    return f"{len(findings):,} finding{'s' if len(findings) > 1 else ''}" if findings else "sound"
+    return counted(len(findings), "finding") if findings else "sound"
 
 
 def _findings(findings: Sequence[Finding]) -> Iterator[str]:

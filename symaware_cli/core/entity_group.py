@@ -77,6 +77,11 @@ class EntityGroup:
         return np.arange(len(self)) if self.present is None else np.flatnonzero(self.present)
 
     @property
+    def in_world(self) -> NDArray[np.bool_]:
+        """Whether each entity is in the world; shape (n,)."""
+        return np.ones(len(self), bool) if self.present is None else self.present
+
+    @property
     def control_input(self) -> Array:
         """The control input that each requests, read-only; shape (n, nu)."""
         return self.control_column.values

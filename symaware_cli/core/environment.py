@@ -167,7 +167,7 @@ class Environment(Plugin, ABC):
         """Update which agents are present from the groups."""
         if all(group.present is None for group in self.groups):
             return
-        here = [np.ones(len(group), bool) if group.present is None else group.present for group in self.groups]
+        here = [group.in_world for group in self.groups]
         present = np.concatenate(here)
         present.flags.writeable = False
         self.present = self.proximity.present = present

@@ -146,7 +146,7 @@ class RecordedRun:
             id = entry.source.removeprefix("agents.")
             group = next((each for each in simulation.groups if id in each.ids), None)
             if group is not None:
-                present = np.ones(len(group), bool) if group.present is None else group.present.copy()
+                present = group.in_world.copy()
                 present[group.ids.index(id)] = entry.name == "added"
                 self._set_present(group, present)
         if entry.name in ("violated", "satisfied"):

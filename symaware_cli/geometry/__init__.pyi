@@ -38,6 +38,7 @@ from .rotation import attitude_columns as attitude_columns
 from .rotation import composed as composed
 from .rotation import continued as continued
 from .rotation import rotated as rotated
+from .rotation import wrapped as wrapped
 from .rotation import yaws as yaws
 from .scenery import HeightRange as HeightRange
 from .scenery import Nearby as Nearby

@@ -62,6 +62,13 @@ def yaws(orientations: Array) -> Array:
     return turned
 
 
+def wrapped(angles: Array) -> Array:
+    """Wrap angles to [-pi, pi) [rad]; any shape."""
+    between: Array = np.remainder(angles + np.pi, 2 * np.pi) - np.pi
+    return between
+
+
 def continued(before: Array, angles: Array) -> Array:
     """Unwrap angles, given the previous unwrapped ones [rad]; any shape."""
+    # Not `before + wrapped(...)`, which rounds differently.
     return before + np.remainder(angles - before + np.pi, 2 * np.pi) - np.pi

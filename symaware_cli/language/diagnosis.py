@@ -8,8 +8,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from symaware_cli.language.compose import Composition
-from symaware_cli.language.problem import Problem, ScenarioError, dotted, is_inside, listed, nearest, quoted
+from symaware_cli.language.problem import Problem, ScenarioError, dotted, is_inside, nearest, quoted
 from symaware_cli.language.source import Path
+from symaware_cli.world import listed
 
 if TYPE_CHECKING:
     from symaware_cli.specification import ExpressionError

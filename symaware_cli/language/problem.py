@@ -4,6 +4,7 @@ import unicodedata
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 
+from symaware_cli.world import counted
 from symaware_cli.world import nearest as nearest
 from symaware_cli.world import quoted as quoted
 
@@ -97,11 +98,6 @@ def is_inside(path: str, outer: str) -> bool:
     return path == outer or path.startswith((f"{outer}.", f"{outer}["))
 
 
-def listed(names: Sequence[str], most: int = 6) -> str:
-    """Return the first names as text, and dots for further ones."""
-    return ", ".join(names[:most]) + (", ..." if len(names) > most else "")
-
-
 def to_json(problems: Iterable[Problem]) -> list[dict[str, object]]:
     """Returns the problems as plain data for tools."""
     return [asdict(problem) | {"source_line": _short(problem.source_line)} for problem in problems]
@@ -126,7 +122,7 @@ def render(problems: Sequence[Problem], *, colour: bool = False, width: int = _W
         lines += _render_one(problem, colour, width)
     if problems:
         files = list(dict.fromkeys(problem.span.file for problem in problems if problem.span))
-        count = f"{len(problems)} {noun}{'s' if len(problems) > 1 else ''}"
+        count = counted(len(problems), noun)
         where = f" in {_printable(files[0])}" if len(files) == 1 else f" in {len(files)} files" if files else ""
         lines.append(count + where)
     return "\n".join(lines)

@@ -372,7 +372,7 @@ class Episodes:
         if result.summary.steps != steps:
             raise LearningError(f"{path}: the repetition ended after {result.summary.steps} steps, not {steps}")
         for group in built.simulation.groups if "world" not in built.document.recording.omit else ():
-            present = np.ones(len(group), bool) if group.present is None else group.present
+            present = group.in_world
             if present.any():
                 expected = built.simulation.environment.state(group)[present]
                 found = result.series(group.name, "world").values[-1].reshape(len(group), -1)[present]

@@ -25,6 +25,7 @@ from symaware_cli.log.index import (
 )
 from symaware_cli.log.log_message import read_messages
 from symaware_cli.log.log_schema import MAGIC, OUTCOME
+from symaware_cli.world import counted
 
 FOREVER = 1 << 64
 """Later than any log time, ns."""
@@ -81,11 +82,11 @@ class Damage:
         elif self.summary_missing:
             parts.append("the summary at the end of the file is damaged, which loses nothing")
         if self.chunks_skipped:
-            parts.append(f"{_count(self.chunks_skipped, 'damaged chunk')} left out{self._within()}")
+            parts.append(f"{counted(self.chunks_skipped, 'damaged chunk')} left out{self._within()}")
         if self.attachments_skipped:
-            parts.append(f"{_count(self.attachments_skipped, 'damaged attachment')} left out")
+            parts.append(f"{counted(self.attachments_skipped, 'damaged attachment')} left out")
         if self.unread_bytes:
-            parts.append(f"{_count(self.unread_bytes, 'byte')} at the end of the file cannot be read")
+            parts.append(f"{counted(self.unread_bytes, 'byte')} at the end of the file cannot be read")
         return "; ".join(parts)
 
     def _within(self) -> str:
@@ -103,10 +104,6 @@ class Damage:
 
 def _seconds(time: int) -> str:
     return f"{time / 1e9:.9g} s"
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
 def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:

@@ -29,11 +29,12 @@ from symaware_cli.processes.frame import (
     Welcome,
 )
 from symaware_cli.processes.lost_members import LostMembers
-from symaware_cli.processes.participant import Identity, Participant, listed, rows_of
+from symaware_cli.processes.participant import Identity, Participant, rows_of
 from symaware_cli.processes.rejections import Rejections
 from symaware_cli.processes.remote_inputs import RemoteInputs, RemoteMember
 from symaware_cli.processes.sent_frames import SentFrames
 from symaware_cli.processes.transport import Port, PortEvent
+from symaware_cli.world import listed
 
 #: How a farewell describes the run, by the status with which it ended.
 _SAID = {"finished": "is over", "failed": "failed", "interrupted": "was interrupted"}

@@ -227,10 +227,3 @@ def rows_of(group: AgentGroup, ids: Iterable[str]) -> Indices:
     """The rows of those of the agents that belong to a group, ascending."""
     wanted = frozenset(ids)
     return np.array([row for row, id in enumerate(group.ids) if id in wanted], np.intp)
-
-
-def listed(ids: Iterable[str], most: int = 6) -> str:
-    """List some agents, with the number of further ones."""
-    names = list(ids)
-    more = f" and {len(names) - most} more" if len(names) > most else ""
-    return ", ".join(names[:most]) + more

@@ -1,4 +1,4 @@
-"""A promise that is kept, whatever the agents that made it request.
+"""A fault that makes agents keep a promise, regardless of the control inputs that they request.
 
 Reasons: docs/decisions/0090-explanations.md
 """

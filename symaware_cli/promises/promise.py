@@ -104,8 +104,8 @@ class Reliance(NamedTuple):
 class Promises(Confinement, FurtherNames):
     """The promises of a scenario, as components find them in ``group.sections["promises"]``.
 
-    The trust of an agent in promises is in its awareness, as the part `trust` about each other agent. Which promises it
-    was told is in its knowledge of the others.
+    The trust of an agent in promises is in its awareness, as the part `trust` about each other agent. The promises that
+    it received by messages are in its knowledge of the others.
     """
 
     #: Promises follow from the scenario.
@@ -133,7 +133,7 @@ class Promises(Confinement, FurtherNames):
         return [each for each in self.promises if receiver in each.to]
 
     def known(self, group: AgentGroup, row: int) -> list[Promise]:
-        """Return the promises to an agent of which it knows: from the beginning, or by a message."""
+        """Return the promises to an agent that it knows: from the beginning of the run, or from a message."""
         database = group.agents[row].knowledge_database
         return [
             each
@@ -142,7 +142,7 @@ class Promises(Confinement, FurtherNames):
         ]
 
     def learn(self, group: AgentGroup, row: int, of: str, names: Iterable[str]) -> list[Promise]:
-        """Add promises that another agent told to what an agent knows of it, and return those that it did not know."""
+        """Add promises that an agent received from another one to its knowledge; return those that are new to it."""
         known = {each.name for each in self.known(group, row) if each.of == of}
         new = [each for each in self.to(group.ids[row]) if each.of == of and each.name in {*names} - known]
         if new:

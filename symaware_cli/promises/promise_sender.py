@@ -1,4 +1,4 @@
-"""A component that tells other agents what its agents promise.
+"""A component that sends the promises of its agents to other agents.
 
 Reasons: docs/decisions/0108-told-promises.md
 """
@@ -12,19 +12,19 @@ from symaware_cli.promises.promise import PROMISE, SECTION, Promises
 
 
 class PromiseSender(CommunicationSender):
-    """Sends an agent's promises to those to whom they are made, at each of its turns.
+    """Sends an agent's promises, at each of its turns, to the agents that they are made to.
 
     Promises of agents with this component are known to another agent only from the arrival of a message on, which may
     be lost or late like any other. `promises.monitor` reads the messages. They are sent again at each turn (`period`),
     so a lost message delays a promise, and does not prevent it. A message contains the formula and the confidence of
-    each promise. It is sent to those that the agent reaches then.
+    each promise. It is sent to the agents within reach at that time.
     """
 
     class Parameters(Parameters):
         """No parameters: the section `promises` has all settings."""
 
     def check_scenario(self, view: ScenarioView) -> None:
-        """Warn of agents that have nothing to tell."""
+        """Warn of agents that make no promise."""
         if view.entry is None:
             return
         promises = view.entry.group.sections.get(SECTION)

@@ -14,7 +14,6 @@ from symaware_cli.geometry import Array, lengths
 from symaware_cli.roads.lane import Lane, resampled, shares_of, simplified
 from symaware_cli.roads.road_file import (
     check_line,
-    elements,
     finite,
     first,
     needed,
@@ -42,7 +41,7 @@ def lanes_of(data: bytes) -> list[Lane]:
     if version not in ("2018b", "2020a"):
         root.refuse(f"its version is {version!r}, and 2018b and 2020a are read")
     every: dict[str, XmlElement] = {}
-    for element in elements(root, "lanelet"):
+    for element in root.children("lanelet"):
         name = _reference(element, "id")
         if name in every:
             element.refuse(f"two lanelets have the id {name}")
@@ -51,7 +50,7 @@ def lanes_of(data: bytes) -> list[Lane]:
             element.refuse(f"it has more than {MOST_LANELETS:,} lanelets")
     if not every:
         root.refuse("it has no <lanelet>")
-    limits = {_reference(sign, "id"): _limit(sign) for sign in elements(root, "trafficSign")}
+    limits = {_reference(sign, "id"): _limit(sign) for sign in root.children("trafficSign")}
     return [_lane(name, element, every, limits) for name, element in every.items()]
 
 
@@ -66,7 +65,7 @@ def _lane(name: str, element: XmlElement, every: Mapping[str, XmlElement], limit
     refuse_crossed(element, left, right, name)
     left, right = simplified(left, right)
     found = []
-    for reference in elements(element, "trafficSignRef"):
+    for reference in element.children("trafficSignRef"):
         sign = text(reference, "ref")
         if sign not in limits:
             reference.refuse(f"there is no traffic sign {sign}")
@@ -76,8 +75,8 @@ def _lane(name: str, element: XmlElement, every: Mapping[str, XmlElement], limit
     older = first(element, "speedLimit")
     if older is not None:
         found.append(_positive(older, older.text or ""))
-    successors = tuple(_linked(each, every) for each in elements(element, "successor"))
-    for each in elements(element, "predecessor"):
+    successors = tuple(_linked(each, every) for each in element.children("successor"))
+    for each in element.children("predecessor"):
         _linked(each, every)
     sides = {}
     for key in ("adjacentLeft", "adjacentRight"):
@@ -107,7 +106,7 @@ def _linked(element: XmlElement, every: Mapping[str, XmlElement]) -> str:
 def _boundary(lanelet: XmlElement, tag: str) -> Array:
     element = needed(lanelet, tag)
     points = []
-    for point in elements(element, "point"):
+    for point in element.children("point"):
         x, y = needed(point, "x"), needed(point, "y")
         points.append([finite(x, x.text or "", "`x`"), finite(y, y.text or "", "`y`")])
         if len(points) > MOST_POINTS:
@@ -119,7 +118,7 @@ def _boundary(lanelet: XmlElement, tag: str) -> Array:
 
 def _limit(sign: XmlElement) -> float | None:
     """Return the speed limit of a traffic sign [m/s]; None for signs without one."""
-    for element in elements(sign, "trafficSignElement"):
+    for element in sign.children("trafficSignElement"):
         kind = needed(element, "trafficSignID")
         if (kind.text or "").strip() in _SPEED_SIGNS:
             value = needed(element, "additionalValue")

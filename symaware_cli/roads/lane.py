@@ -161,7 +161,8 @@ def crossing(line: Array) -> int | None:
         apart = starts[: number - 1] - starts[number]
         one, other = legs[number], legs[: number - 1]
         det = one[0] * other[:, 1] - one[1] * other[:, 0]
-        parallel = det == 0.0
+        # Of parallel legs, the determinant is rounding, and places of a crossing would be arbitrary.
+        parallel = np.abs(det) <= 1e-9 * np.hypot(*one) * lengths(other)
         safe = np.where(parallel, 1.0, det)
         share = (apart[:, 0] * other[:, 1] - apart[:, 1] * other[:, 0]) / safe
         there = (apart[:, 0] * one[1] - apart[:, 1] * one[0]) / safe

@@ -100,7 +100,7 @@ class LaneChange(CarFollowing):
     def _update(self, value: Driving) -> None:
         super()._update(value)
         choice: LaneChoice = value.further
-        present = np.ones(len(value.lane), bool) if self._group.present is None else self._group.present
+        present = self._group.in_world
         for row in np.flatnonzero(choice.begins & present).tolist():
             name = self._network.lanes[int(value.lane[row])].name
             self.emit_for(row, "lane-changed", f"begins to change to the lane {name}", lane=name)

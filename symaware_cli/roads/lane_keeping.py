@@ -12,7 +12,7 @@ from pydantic import Field
 
 from symaware_cli.core import AgentGroup
 from symaware_cli.engine import Steering
-from symaware_cli.geometry import LARGEST, Array, Indices, Mask, lengths
+from symaware_cli.geometry import LARGEST, Array, Indices, Mask, lengths, wrapped
 from symaware_cli.roads.driver_model import Driver, idm_acceleration
 from symaware_cli.roads.road_network import LanePlaces, RoadNetwork, UnreadRoads
 from symaware_cli.world import SECOND
@@ -165,7 +165,7 @@ class LaneKeeping(Steering):
         group, network = self._group, self._network
         model, state = group.model, group.awareness.state
         position = model.positions(state)
-        present = np.ones(len(position), bool) if group.present is None else group.present
+        present = group.in_world
         begun = self._present & present & (self._lane >= 0)
         places = network.places(position)
         lane = np.where(begun, self._lane, self._nearest(places, state))
@@ -271,7 +271,7 @@ class LaneKeeping(Steering):
     def _update(self, value: Driving) -> None:
         self._steer(value.control_input, value.intent)
         group = self._group
-        present = np.ones(len(group), bool) if group.present is None else group.present
+        present = group.in_world
         for row in np.flatnonzero(present & value.has_ended & ~(self._ended & self._present)).tolist():
             name = self._network.lanes[int(value.lane[row])].name
             self.emit_for(row, "road-ended", f"came to the end of the lane {name}")
@@ -281,12 +281,6 @@ class LaneKeeping(Steering):
 
 #: The greatest number of lanes that an agent passes in a turn, or within its intent.
 _MOST_PASSED = 8
-
-
-def wrapped(angle: Array) -> Array:
-    """Return angles in [-pi, pi) [rad]."""
-    between: Array = np.remainder(angle + np.pi, 2.0 * np.pi) - np.pi
-    return between
 
 
 def _known_speed(group: AgentGroup, name: str) -> Array | None:

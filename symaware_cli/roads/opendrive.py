@@ -18,7 +18,6 @@ from symaware_cli.roads.lane import Lane, simplified
 from symaware_cli.roads.reference_line import ReferenceLine
 from symaware_cli.roads.road_file import (
     check_line,
-    elements,
     first,
     needed,
     number,
@@ -113,7 +112,7 @@ def lanes_of(data: bytes, step: float) -> list[Lane]:
     root = road_tree(data, "OpenDRIVE", "OpenDRIVE")
     roads: dict[str, _Road] = {}
     points = 0
-    for element in elements(root, "road"):
+    for element in root.children("road"):
         road = _road(element, step)
         if road.id in roads:
             element.refuse(f"two roads have the id {road.id}")
@@ -123,7 +122,7 @@ def lanes_of(data: bytes, step: float) -> list[Lane]:
             element.refuse(f"its lanes have more than {MOST_TOGETHER:,} points; increase `step`")
         if len(roads) > MOST_ROADS:
             element.refuse(f"it has more than {MOST_ROADS:,} roads")
-    junctions = {text(element, "id"): element for element in elements(root, "junction")}
+    junctions = {text(element, "id"): element for element in root.children("junction")}
     names: dict[str, str] = {}
     lanes = []
     for road in roads.values():
@@ -199,13 +198,13 @@ def _successors(
     if target not in junctions:
         onward.refuse(f"there is no junction {target}")
     found: list[str] = []
-    for connection in elements(junctions[target], "connection"):
+    for connection in junctions[target].children("connection"):
         if text(connection, "incomingRoad") != road.id:
             continue
         connecting = text(connection, "connectingRoad")
         if connecting not in roads:
             connection.refuse(f"there is no road {connecting}")
-        for each in elements(connection, "laneLink"):
+        for each in connection.children("laneLink"):
             if whole(each, "from") == id:
                 found += _entered(roads[connecting], text(connection, "contactPoint"), whole(each, "to"), each)
     return tuple(dict.fromkeys(found))
@@ -236,8 +235,8 @@ def _road(element: XmlElement, step: float) -> _Road:
     if abs(length - line.length) > max(0.1, 0.001 * line.length):
         element.refuse(f"the length of the road is {length:g} m, and that of its geometries {line.length:g} m")
     lanes = needed(element, "lanes")
-    offset = _Polynomials(list(elements(lanes, "laneOffset")), "s")
-    parts = list(elements(lanes, "laneSection"))
+    offset = _Polynomials(lanes.children("laneOffset"), "s")
+    parts = lanes.children("laneSection")
     if not parts:
         lanes.refuse("<lanes> has no <laneSection>")
     starts = [number(part, "s") for part in parts]
@@ -302,14 +301,14 @@ def _section(
     section = _Section(start, end)
     widths: dict[int, tuple[XmlElement, _Polynomials]] = {}
     for side, sign in (("left", 1), ("right", -1)):
-        for part in elements(element, side):
-            for lane in elements(part, "lane"):
+        for part in element.children(side):
+            for lane in part.children("lane"):
                 id = whole(lane, "id")
                 if id * sign <= 0 or abs(id) > MOST_SIDE:
                     lane.refuse(f"the id of a lane in <{side}> is {sign} to {sign * MOST_SIDE}, not {id}")
                 if id in widths:
                     lane.refuse(f"two lanes of a section have the id {id}")
-                widths[id] = (lane, _Polynomials(list(elements(lane, "width")), "sOffset"))
+                widths[id] = (lane, _Polynomials(lane.children("width"), "sOffset"))
     places = [samples[(samples > start) & (samples < end)], np.array([start, end])]
     for each, shift in [(offset, 0.0), *((width, start) for _, width in widths.values())]:
         joints = np.array(each.starts) + shift
@@ -371,7 +370,7 @@ def _wide(width: Array) -> slice | None:
 def _road_limits(element: XmlElement) -> list[tuple[float, float]]:
     """Return the positions at which speed limits of a road begin [m], and the limits [m/s]."""
     limits = []
-    for kind in elements(element, "type"):
+    for kind in element.children("type"):
         speed = first(kind, "speed")
         limits.append((number(kind, "s"), np.inf if speed is None else _speed(speed)))
     return sorted(limits)
@@ -379,7 +378,7 @@ def _road_limits(element: XmlElement) -> list[tuple[float, float]]:
 
 def _limits_of(lane: XmlElement, section: _Section, road: _Road) -> list[float]:
     """Return the speed limits of a lane [m/s]: its own, or else those of the road along its section."""
-    own = [_speed(speed) for speed in elements(lane, "speed")]
+    own = [_speed(speed) for speed in lane.children("speed")]
     if own or not road.limits:
         return own
     begin = max(bisect_right([start for start, _ in road.limits], section.start) - 1, 0)

@@ -12,7 +12,7 @@ import numpy as np
 
 from symaware_cli.assets import XmlElement
 from symaware_cli.geometry import Array
-from symaware_cli.roads.road_file import elements, number
+from symaware_cli.roads.road_file import number
 
 #: The greatest length of a geometry [m].
 MOST_LENGTH = 1e6
@@ -55,7 +55,7 @@ class ReferenceLine:
             AssetError: The element is invalid.
         """
         self.geometries: list[CurvePiece] = []
-        for element in elements(plan, "geometry"):
+        for element in plan.children("geometry"):
             self.geometries.append(_geometry(element))
             if len(self.geometries) > _MOST_GEOMETRIES:
                 element.refuse(f"a road has more than {_MOST_GEOMETRIES:,} geometries")
@@ -105,7 +105,7 @@ def _geometry(element: XmlElement) -> CurvePiece:
         element.refuse("`s` is negative")
     origin = np.array([number(element, "x"), number(element, "y")])
     heading = number(element, "hdg")
-    shapes = list(elements(element, "line", "arc", "spiral", "paramPoly3"))
+    shapes = element.children("line", "arc", "spiral", "paramPoly3")
     if len(shapes) != 1:
         element.refuse("a geometry has one of <line>, <arc>, <spiral> and <paramPoly3>")
     shape = shapes[0]

@@ -7,7 +7,6 @@ entities and other files.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from itertools import pairwise
 
 import numpy as np
@@ -39,17 +38,9 @@ def road_tree(data: bytes, root: str, what: str) -> XmlElement:
     return tree
 
 
-def elements(parent: XmlElement, *tags: str) -> Iterator[XmlElement]:
-    """Yield the children of an element with one of some tags."""
-    for child in parent:
-        assert isinstance(child, XmlElement)
-        if child.tag in tags:
-            yield child
-
-
 def first(parent: XmlElement, tag: str) -> XmlElement | None:
     """Return the first child with a tag."""
-    return next(elements(parent, tag), None)
+    return next(iter(parent.children(tag)), None)
 
 
 def needed(parent: XmlElement, tag: str) -> XmlElement:

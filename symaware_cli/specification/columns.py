@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.geometry import lengths
+from symaware_cli.geometry import lengths, wrapped
 from symaware_cli.specification.absence import AbsentError
 from symaware_cli.specification.formula import ZERO, Array, plain
 from symaware_cli.specification.node import (
@@ -361,10 +361,6 @@ def _inside(point: Any, region: Any) -> Array:
     return region.robustness(_points(point))
 
 
-def _remainder(angle: Any) -> Any:
-    return np.remainder(angle + np.pi, 2 * np.pi) - np.pi
-
-
 def _elementwise(call: Callable[..., Any]) -> Callable[..., Any]:
     def function(*given: Any) -> Any:
         numbers = [_number(each) for each in given]
@@ -400,7 +396,7 @@ FUNCTIONS: Functions = {
     "signed_distance": Function(2, lambda point, region: plain(_inside(point, region)), "m"),
     "sin": Function(1, _elementwise(np.sin), "1"),
     "sqrt": Function(1, _elementwise(np.sqrt), "root"),
-    "wrap": Function(1, _elementwise(_remainder), "same"),
+    "wrap": Function(1, _elementwise(wrapped), "same"),
 }
 
 #: The number of arguments of each function; see `parser.parse`.

@@ -93,7 +93,7 @@ def blueprint(
         content: The extent and the topics of the log.
         panels: The panels of drawings.
         viewpoint: The name of the viewpoint of the scene; empty for the usual one.
-        theme: The colours of what is around agents.
+        theme: The colours of the surroundings of agents.
     """
     import rerun.blueprint as rrb
 
@@ -178,7 +178,7 @@ def scene_view(run_view: RunView, content: ReplayContent, viewpoint: str = "") -
 
 
 def scale_bar(content: ReplayContent, view: SceneView) -> tuple[Array, str]:
-    """Choose a bar of a round length at the lower left corner of what is shown.
+    """Choose a bar of a round length at the lower left corner of the view.
 
     Args:
         content: The extent of the log.
@@ -432,7 +432,7 @@ def _region_corners(run_view: RunView) -> Iterator[Array]:
 
 
 def _knowledge(log: Log, group_view: GroupView, last: int) -> Iterator[Any]:
-    """Yield what the agents of a group know first."""
+    """Yield the first recorded knowledge of the agents of a group."""
     topic = f"/agents/{group_view.name}/knowledge"
     for message in islice(log.messages({topic} & log.topics.keys(), end=last + 1), 1):
         yield from (read_json(value) for value in message.decode().values)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 from symaware_cli.log import LogError
 from symaware_cli.views.views import RunView
+from symaware_cli.world import counted, listed
 
 #: Up to this number of agents everything is drawn and each has a tab; also the maximum number of tabs.
 FEW = 12
@@ -58,7 +59,7 @@ def detail_of(run_view: RunView, agents: Sequence[str] = ()) -> Detail:
     awareness = count <= MANY
     share, longest = (0.3, 60.0) if awareness else (0.06, 5.0)
     trail = min(max(float(f"{share * run_view.duration:.2g}"), _SHORTEST), longest)
-    shown = [f"{count} agent{'s' if count != 1 else ''}: bodies tinted by risk, trails of {trail:g} s"]
+    shown = [f"{counted(count, 'agent')}: bodies tinted by risk, trails of {trail:g} s"]
     whose = "all" if awareness else f"{_list(focus)} only"
     shown.append(f"intents and uncertainties of {whose}")
     if count > FEW:
@@ -89,5 +90,5 @@ def _named(run_view: RunView, name: str) -> Sequence[str]:
 
 def _list(names: Sequence[str]) -> str:
     if len(names) > TABS:
-        return f"{', '.join(names[:TABS])} and {len(names) - TABS} more"
+        return listed(names, TABS)
     return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else "".join(names)

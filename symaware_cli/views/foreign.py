@@ -25,7 +25,7 @@ class ForeignReplaySession:
 
     Attributes:
         log: The log.
-        words: A description of what is shown, for users.
+        words: A description of the view, for users.
     """
 
     log: Log

@@ -80,7 +80,7 @@ def moving_map(log: Log) -> dict[str, Any]:
 def _with_regions(panel: Trajectories, low: Array, high: Array) -> tuple[Array, Array]:
     """Return the corners of the map so that no region in it is cut off, (2,) each [m].
 
-    A region that lies elsewhere, or is much larger than what moves, such as an arena, does not count.
+    A region that lies elsewhere, or is much larger than the trajectories, such as an arena, does not count.
     """
     inner_low, inner_high, reach = low, high, _REACH * float((high - low).max())
     for area in panel.regions:

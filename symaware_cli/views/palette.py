@@ -29,7 +29,7 @@ BACKGROUND: Colour = (16, 18, 24)
 
 @dataclass(frozen=True)
 class ReplayTheme:
-    """The colours of what is around agents in a replay.
+    """The colours of the surroundings of agents in a replay.
 
     Attributes:
         name: Its name.

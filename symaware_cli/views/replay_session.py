@@ -46,7 +46,7 @@ class OtherRun:
 
     @property
     def words(self) -> str:
-        """A description of what is shown of it, for users."""
+        """A description of the recording and the shown part of it, for users."""
         if self.since is None:
             return f"{self.log.path.name} has the same messages"
         return f"in grey: {self.log.path.name}, different from {self.since / 1e9:.9g} s on"
@@ -211,7 +211,7 @@ class ReplaySession:
         end: The instant at which to stop, exclusive [ns]; None for the end.
         beside: A second run to show beside it.
         view: The name of the viewpoint of the scene; empty for the usual one.
-        theme: The colours of what is around agents.
+        theme: The colours of the surroundings of agents.
     """
 
     log: Log
@@ -225,7 +225,7 @@ class ReplaySession:
 
     @property
     def words(self) -> str:
-        """A description of what is shown, for users."""
+        """A description of the replay, for users."""
         return self.detail.words + (f"; {self.beside.words}" if self.beside else "")
 
     def save(self, path: Path, on_progress: Progress = None) -> None:
@@ -307,7 +307,7 @@ class ReplaySession:
 
     @cached_property
     def content(self) -> ReplayContent:
-        """The extent and the topics of what is shown."""
+        """The extent and the topics of the shown part of the log."""
         content = content_of(self.log, self.run_view, self.start, self.end)
         if self.beside is None:
             return content
@@ -386,7 +386,7 @@ def replay_session(
         end: The instant at which to stop, exclusive [ns].
         against: The log of a second run, to show beside it; None for none.
         view: The name of the viewpoint of the scene; empty for the usual one.
-        theme: The colours of what is around agents.
+        theme: The colours of the surroundings of agents.
 
     Raises:
         LogError: A log is foreign, has no such agents, or has no messages in the interval.

@@ -30,7 +30,7 @@ _MARGIN, _LEAST = 0.1, 1.0
 
 
 class WorldFrames:
-    """Draws frames of one simulation; what is shown of the plane only grows, so that frames do not jump."""
+    """Draws frames of one simulation; the shown part of the plane only grows, so that frames do not jump."""
 
     def __init__(self, environment: Environment, groups: Sequence[AgentGroup], regions: Mapping[str, Region]) -> None:
         """Prepare.

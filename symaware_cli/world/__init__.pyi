@@ -44,6 +44,8 @@ from .model import columns as columns
 from .model import rows as rows
 from .motion_layout import as_motion as as_motion
 from .motion_layout import motion_quantities as motion_quantities
+from .naming import counted as counted
+from .naming import listed as listed
 from .naming import nearest as nearest
 from .naming import nearest_file as nearest_file
 from .naming import quoted as quoted

@@ -1,4 +1,4 @@
-"""Names in messages: quoted, and the nearest valid one to a name that is not."""
+"""Names and numbers in messages: quoted, listed, counted, and the nearest valid one to a name that is not."""
 
 import difflib
 import os
@@ -33,6 +33,17 @@ def nearest_file(path: Path, suffixes: tuple[str, ...]) -> str | None:
     stems = {name.rpartition(".")[0]: name for name in reversed(names)}
     found = nearest(path.stem if path.suffix in suffixes else path.name, stems)
     return stems[found] if found else None
+
+
+def listed(names: Iterable[str], most: int = 6) -> str:
+    """Returns the first names as text, and the number of the others, such as ``a, b and 3 more``."""
+    names = list(names)
+    return ", ".join(names[:most]) + (f" and {len(names) - most:,} more" if len(names) > most else "")
+
+
+def counted(number: int, noun: str) -> str:
+    """Returns a number with a noun, such as ``1 agent`` or ``4,000 agents``."""
+    return f"{number:,} {noun}{'' if number == 1 else 's'}"
 
 
 def quoted(text: str, limit: int = 60) -> str:

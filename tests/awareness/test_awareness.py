@@ -29,7 +29,7 @@ def test_a_vector_does_not_follow_the_array_it_was_made_from() -> None:
         vector.state[0] = 1
 
 
-def test_what_an_agent_reads_of_itself_is_its_own_copy(pair: tuple[tuple[Agent, ...], Environment]) -> None:
+def test_an_agent_reads_a_copy_of_its_own_values(pair: tuple[tuple[Agent, ...], Environment]) -> None:
     (agent, _), _ = pair
     agent.self_state[:] = 9
     agent.self_awareness.state[:] = 9
@@ -39,7 +39,7 @@ def test_what_an_agent_reads_of_itself_is_its_own_copy(pair: tuple[tuple[Agent, 
     assert agent.control_input.tolist() == [0.0, 0.0]
 
 
-def test_what_an_agent_writes_of_itself_is_copied_and_reaches_nobody_else(
+def test_values_that_an_agent_writes_about_itself_are_copied_and_reach_no_other_agent(
     pair: tuple[tuple[Agent, ...], Environment],
 ) -> None:
     (agent, other), _ = pair
@@ -104,7 +104,7 @@ def test_the_database_knows_oneself_from_the_start_and_nobody_else(
         database["robot.1"]
 
 
-def test_what_one_wrote_of_others_stands_in_ones_own_database_only(
+def test_values_written_about_others_are_in_the_own_database_only(
     pair: tuple[tuple[Agent, ...], Environment],
 ) -> None:
     (agent, other), _ = pair
@@ -117,7 +117,7 @@ def test_what_one_wrote_of_others_stands_in_ones_own_database_only(
     assert "ghost" not in agent.awareness_database
 
 
-def test_who_perceives_everything_sees_all_through_one_snapshot_and_its_own_notes_win(
+def test_an_omniscient_agent_sees_all_in_one_snapshot_and_its_own_values_take_precedence(
     pair: tuple[tuple[Agent, ...], Environment],
 ) -> None:
     (agent, other), world = pair

@@ -149,7 +149,7 @@ class Guesses(Component):
                 vector.intent = value
 
 
-def test_what_components_of_agents_and_of_the_group_tell_stand_together() -> None:
+def test_values_of_agent_and_group_components_are_kept_together() -> None:
     ready = simulation({"robot": Team({"see": OmniscientPerception, "guess": Guesses}, count=2)})
     execute(ready, 3)
     vector = ready.groups[0].agents[0].awareness_database["robot.1"]

@@ -122,7 +122,7 @@ def test_bounds_tell_which_numbers_may_be_written(bounds: ValueRange, beyond: li
 
 # Kernels of BLAS take up to 32 elements at once, so what they do with the rest shows in lengths beyond that.
 @given(st.lists(st.floats(allow_nan=True, allow_infinity=True), max_size=70), st.integers(0, 3))
-def test_a_finite_array_is_told_from_others_without_a_warning_even_where_its_squares_overflow(
+def test_a_finite_array_is_recognised_without_a_warning_even_if_its_squares_overflow(
     values: list[float], doublings: int
 ) -> None:
     values = values * 2**doublings
@@ -194,7 +194,7 @@ def test_a_series_that_is_put_off_is_computed_once_when_it_is_first_read_and_cou
     assert column.take_changes() == []
 
 
-def test_what_is_written_after_a_series_was_put_off_wins() -> None:
+def test_a_value_written_after_a_deferred_series_takes_precedence() -> None:
     column = SeriesColumn(2)
     column.defer(lambda: ([0], [1.0, 2.0]))
     column.set_row(0, TimeSeries({0.0: 7.0}))
@@ -256,7 +256,7 @@ def test_each_agent_has_as_many_rows_as_were_written() -> None:
     assert column.row(1).tolist() == [[7, 8]]
 
 
-def test_what_was_written_since_is_told_once() -> None:
+def test_new_rows_are_reported_once() -> None:
     column = TableColumn(3, 1)
     assert column.take_changes() == []
     column.set_row(2, [[1.0]])
@@ -287,6 +287,6 @@ def test_a_table_that_was_handed_out_never_changes() -> None:
         (lambda column: column.set_row(0, [1.0, 2.0]), r"not \(2,\)"),
     ],
 )
-def test_what_does_not_fit_is_refused(write: Callable[..., Any], said: str) -> None:
+def test_unsuitable_values_are_refused(write: Callable[..., Any], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         write(TableColumn(2, 2))

@@ -38,7 +38,7 @@ def test_reading_changes_nothing() -> None:
     assert not known.changed
 
 
-def test_what_an_agent_does_not_know_is_told_with_what_it_knows() -> None:
+def test_unknown_keys_are_reported_with_the_known_ones() -> None:
     with pytest.raises(KeyError, match="does not know `gaol`; it knows goal, map"):
         KnowledgeDatabase({"map": 1, "goal": 2})["gaol"]
     with pytest.raises(KeyError, match="it knows nothing"):

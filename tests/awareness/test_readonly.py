@@ -83,7 +83,7 @@ def test_every_way_to_learn_something_makes_it_readonly() -> None:
             value.append(2)
 
 
-def test_what_it_was_made_from_has_no_way_into_it() -> None:
+def test_changes_of_the_original_do_not_reach_the_copy() -> None:
     array, inner = np.zeros(2), [1]
     known = KnowledgeDatabase({"goal": array, "bag": [inner]})
     array[0], inner[0] = 9.0, 9
@@ -136,7 +136,7 @@ def test_it_says_the_same_as_what_was_assigned(value: Mapping[str, Mapping[str, 
 
 
 @pytest.mark.parametrize("kind", ["list", "mapping", "array", "deep"])
-def test_what_contains_itself_is_refused_where_it_is_written(kind: str, tmp_path: Path) -> None:
+def test_cyclic_values_are_refused_where_they_are_written(kind: str, tmp_path: Path) -> None:
     class Writes(Component):
         def _compute(self) -> bool:
             return self._agent.row == 1 and self.time >= 0.1

@@ -57,7 +57,7 @@ def test_signals_stand_among_the_columns_and_are_no_parts_of_awareness() -> None
     "signal",
     [POINTS, Signal("effort", "vector", [Quantity("power", "W")]), Signal("plan", "series"), Part("mood", "series")],
 )
-def test_what_the_log_says_of_it_is_what_was_declared(signal: Signal) -> None:
+def test_the_log_has_the_declaration_of_the_part(signal: Signal) -> None:
     field = signal.name if isinstance(signal, Part) else signal.field("look")
     info = ChannelInfo(
         topic=signal_topic("robot", field, signal), metadata=signal_metadata(signal), schema="", encoding="", count=0
@@ -147,7 +147,7 @@ def test_knowledge_holds_an_awareness_vector_that_cannot_be_changed_in_any_part(
         known["attention"] = [0.0]
 
 
-def test_what_another_told_of_a_part_stands_beside_what_is_believed_of_its_state(awareness: GroupAwareness) -> None:
+def test_a_received_part_is_kept_beside_the_believed_state(awareness: GroupAwareness) -> None:
     database = AwarenessDatabase(SelfAwareness("robot.0", awareness, 0), awareness, 0)
     database.receive(AwarenessVector("robot.1", [9.0, 9.0], attention=[0.25, 0.75]), 0, alone=True)
     assert database["robot.1"]["attention"].tolist() == [0.25, 0.75]

@@ -52,7 +52,7 @@ def test_of_each_pair_the_more_recent_belief_counts(
         assert both.positions[place].tolist() == [10.0 * pair[0] + time - since[latest], pair[1]]
 
 
-def test_who_goes_straight_on_becomes_less_certain() -> None:
+def test_an_extrapolated_agent_becomes_less_certain() -> None:
     now = tracks(0, [(0, 1)], [0.5])
     then = now.at(2 * SECOND)
     assert then.ages.tolist() == [2.5]
@@ -68,7 +68,7 @@ def test_who_goes_straight_on_becomes_less_certain() -> None:
 
 
 @pytest.mark.parametrize("sure", ["seen", "received"])
-def test_what_is_sure_needs_no_covariance(sure: str) -> None:
+def test_certain_values_need_no_covariance(sure: str) -> None:
     one, other = tracks(0, [(0, 1)], [0], sure == "received"), tracks(0, [(0, 2)], [0], sure == "seen")
     certain = 0 if sure == "seen" else 1
     assert not present(one.updated(other).covariances)[certain].any()
@@ -86,7 +86,7 @@ def test_a_world_that_is_written_out_has_everybody_but_oneself() -> None:
     assert written.others.tolist() == [0, 1, 3, 4, 0, 1, 2, 4, 0, 1, 2, 3]
 
 
-def test_what_is_told_before_the_world_was_seen_changes_nothing() -> None:
+def test_messages_before_the_first_perception_change_nothing() -> None:
     ready = simulation({"cat": Team(count=2)})
     awareness = ready.groups[0].awareness
     awareness.world = ready.environment.snapshot()

@@ -109,7 +109,7 @@ def test_a_verb_imports_nothing_heavy_that_it_does_not_need(
     ],
     ids=" ".join,
 )
-def test_nonsense_is_wrong_input_told_without_a_traceback(
+def test_nonsense_is_wrong_input_reported_without_a_traceback(
     arguments: list[str], command: Command, tmp_path: Path
 ) -> None:
     done = command(*arguments)

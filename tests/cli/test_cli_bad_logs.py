@@ -111,7 +111,7 @@ def flip(verb: str, attempt: Callable[[str, Path], Outcome], real: bytes, path: 
 
 @verbs
 @pytest.mark.parametrize(("damage", "count"), [(cut, 200), (flip, 100)])
-def test_damage_at_a_random_place_is_told_and_never_raises(
+def test_damage_at_a_random_place_is_reported_and_never_raises(
     verb: str,
     damage: Callable[..., None],
     count: int,
@@ -125,7 +125,7 @@ def test_damage_at_a_random_place_is_told_and_never_raises(
 @pytest.mark.slow
 @verbs
 @pytest.mark.parametrize("damage", [cut, flip])
-def test_damage_at_many_random_places_is_told_and_never_raises(
+def test_damage_at_many_random_places_is_reported_and_never_raises(
     verb: str, damage: Callable[..., None], attempt: Callable[[str, Path], Outcome], real: bytes, tmp_path: Path
 ) -> None:
     count = 10 if verb in DRAWING else 60 if verb in QUICK else 25
@@ -184,7 +184,7 @@ def not_a_log(folder: Path, kind: str) -> Path:
         ("later", "was written by a newer SymAware: its format is 2, this one reads up to 1"),
     ],
 )
-def test_what_is_no_log_of_ours_is_wrong_input(
+def test_a_file_that_is_no_log_of_symaware_is_wrong_input(
     verb: str, kind: str, sentence: str, attempt: Callable[[str, Path], Outcome], tmp_path: Path
 ) -> None:
     outcome = attempt(verb, not_a_log(tmp_path, kind))
@@ -196,7 +196,7 @@ NEEDING_A_MANIFEST = ("merge", "replay", "plot", "export csv", "export parquet",
 
 
 @verbs
-def test_a_damaged_manifest_is_told_and_what_can_do_without_it_is_shown(
+def test_a_damaged_manifest_is_reported_and_the_rest_is_shown(
     verb: str, attempt: Callable[[str, Path], Outcome], real: bytes, tmp_path: Path
 ) -> None:
     anatomy = take_apart(real)
@@ -296,7 +296,7 @@ def foreign_log(
 
 @verbs
 @pytest.mark.parametrize("kind", FOREIGN)
-def test_of_somebody_elses_log_what_can_be_shown_is_shown(
+def test_the_showable_part_of_a_log_of_another_program_is_shown(
     verb: str, kind: str, attempt: Callable[[str, Path], Outcome], tmp_path: Path
 ) -> None:
     path = foreign_log(tmp_path / "log.mcap", **FOREIGN[kind])
@@ -336,9 +336,7 @@ def test_a_disk_that_fills_up_while_saving_is_a_failure_that_leaves_nothing(
 
 
 @saving
-def test_a_place_that_cannot_be_written_to_is_told_before_anything_is_left(
-    verb: str, real: bytes, tmp_path: Path
-) -> None:
+def test_an_unwritable_place_is_reported_before_any_file_is_left(verb: str, real: bytes, tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     path.write_bytes(real)
     for folder in (tmp_path / "missing", path):

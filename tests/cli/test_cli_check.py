@@ -29,7 +29,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
-def test_a_violation_is_told_with_its_reason_and_exit_status_3(logs: Path) -> None:
+def test_a_violation_is_reported_with_its_reason_and_exit_status_3(logs: Path) -> None:
     status, out, _ = check(logs / "shortcut.mcap")
     assert status == 3
     lines = out.splitlines()
@@ -39,7 +39,7 @@ def test_a_violation_is_told_with_its_reason_and_exit_status_3(logs: Path) -> No
     )
 
 
-def test_what_is_undecided_is_said_to_be(logs: Path) -> None:
+def test_undecided_specifications_are_reported_as_undecided(logs: Path) -> None:
     status, out, _ = check(logs / "patrol.mcap")
     assert status == 0
     assert "  undecided  fetch by 3 of 3" in out
@@ -77,7 +77,7 @@ def test_a_mistake_is_located_in_the_option_in_which_it_was_typed(
     assert "--set" not in said
 
 
-def test_what_a_damaged_log_lacks_is_told_with_exit_status_3(logs: Path, tmp_path: Path) -> None:
+def test_missing_parts_of_a_damaged_log_are_reported_with_exit_status_3(logs: Path, tmp_path: Path) -> None:
     folder = tmp_path / "damaged"
     folder.mkdir()
     log = folder / "patrol.mcap"
@@ -138,7 +138,7 @@ def test_a_folder_without_logs_is_a_mistake(tmp_path: Path) -> None:
     assert check(tmp_path)[0] == 2
 
 
-def test_a_log_without_specifications_says_what_to_do(tmp_path: Path) -> None:
+def test_a_log_without_specifications_is_refused_with_a_remedy(tmp_path: Path) -> None:
     execute(build(SCENARIOS / "hello.yaml", ["run.duration=1"]), tmp_path / "hello.mcap")
     status, out, _ = check(tmp_path / "hello.mcap")
     assert status == 0

@@ -40,7 +40,7 @@ def test_equal_logs_have_exit_status_0(logs: Path) -> None:
     assert (status, out) == (0, f"{logs / 'one.mcap'} and {logs / 'same.mcap'}: equal\n")
 
 
-def test_what_was_changed_and_since_when_is_told(logs: Path) -> None:
+def test_changes_are_reported_with_their_time(logs: Path) -> None:
     status, out, _ = diff(logs / "one.mcap", logs / "slower.mcap")
     assert status == 1
     assert "  scenario     agents.robot.components.steer.with.speed: 1.2 and 1.1 (" in out
@@ -80,7 +80,7 @@ def test_values_of_scenarios_are_shown_as_yaml_and_shortened(tmp_path: Path) -> 
     assert "'" not in out
 
 
-def test_folders_and_what_is_no_log_are_wrong_input(logs: Path, tmp_path: Path) -> None:
+def test_folders_and_other_files_than_logs_are_wrong_input(logs: Path, tmp_path: Path) -> None:
     assert diff(tmp_path, logs / "one.mcap")[0] == 2
     (tmp_path / "no.mcap").write_bytes(b"nothing")
     assert diff(tmp_path / "no.mcap", logs / "one.mcap")[0] == 2
@@ -172,7 +172,7 @@ def test_a_folder_is_compared_with_another_sweep_only(sweeps: Path, tmp_path: Pa
 
 
 @pytest.mark.parametrize("verb", [["diff", "swept", "swept"], ["inspect", "swept"]])
-def test_without_pyarrow_the_command_that_installs_it_is_told(verb: list[str], tmp_path: Path) -> None:
+def test_without_pyarrow_the_error_has_the_command_that_installs_it(verb: list[str], tmp_path: Path) -> None:
     sweep(HEAD_ON, tmp_path / "swept", runs=2, changes={"run.duration": 0.5}, jobs=0)
     code = "import sys; sys.modules['pyarrow'] = None; from symaware_cli.cli import main; main()"
     line = [sys.executable, "-c", code, *verb]

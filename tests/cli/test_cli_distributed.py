@@ -134,7 +134,7 @@ def test_a_member_that_does_not_fit_is_refused(
 
 
 @pytest.mark.parametrize("key", ["another", "none"])
-def test_who_does_not_know_the_key_is_turned_away(
+def test_a_process_without_the_key_is_refused(
     run: Callable[..., Result], guarded: tuple[str, Path], tmp_path: Path, key: str
 ) -> None:
     address, _ = guarded
@@ -175,7 +175,7 @@ def test_a_port_in_use_is_said_to_be(run: Callable[..., Result]) -> None:
     assert "address already in use" in done.stderr.lower()
 
 
-def test_it_waits_for_a_host_no_longer_than_it_is_told(run: Callable[..., Result]) -> None:
+def test_it_waits_for_a_host_no_longer_than_its_limit(run: Callable[..., Result]) -> None:
     port = free_port()
     done = run("--join", f"127.0.0.1:{port}", "--only", "robot", "--wait", 1)
     assert done.exit_code == 1
@@ -183,7 +183,7 @@ def test_it_waits_for_a_host_no_longer_than_it_is_told(run: Callable[..., Result
     assert present(open_log("part.mcap").outcome)["status"] == "failed"
 
 
-def test_a_host_waits_for_members_no_longer_than_it_is_told(run: Callable[..., Result]) -> None:
+def test_a_host_waits_for_members_no_longer_than_its_limit(run: Callable[..., Result]) -> None:
     done = run("--listen", 0, "--only", "ticker", "--wait", 1)
     assert done.exit_code == 1
     assert "no process joined within 1 s for robot.0, robot.1" in done.stderr

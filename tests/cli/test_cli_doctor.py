@@ -1,4 +1,4 @@
-"""`symaware doctor`: what is installed, what of it works, and what to do about the rest."""
+"""`symaware doctor`: the parts of the installation, whether they work, and how to repair those that do not."""
 
 import json
 import os
@@ -13,7 +13,7 @@ from symaware_cli.cli.application import application
 from symaware_cli.cli.self_test import answer
 
 
-def test_it_says_what_is_installed_without_trying_anything_if_asked_to() -> None:
+def test_with_quick_it_lists_installed_parts_without_trying_them() -> None:
     done = CliRunner().invoke(application, ["doctor", "--quick", "--json"])
     found = json.loads(done.stdout)
     assert done.exit_code == 0
@@ -29,11 +29,11 @@ def test_it_says_what_is_installed_without_trying_anything_if_asked_to() -> None
 @pytest.mark.parametrize(
     ("name", "argument"), [("world", "kinematic"), ("world", "pymunk"), ("highspy", ""), ("daqp", "")]
 )
-def test_what_is_installed_works(name: str, argument: str) -> None:
+def test_installed_parts_work(name: str, argument: str) -> None:
     assert answer(name, argument)[0] == "works"
 
 
-def test_a_solver_that_is_broken_is_told_with_exit_status_3(tmp_path: Path) -> None:
+def test_a_broken_solver_is_reported_with_exit_status_3(tmp_path: Path) -> None:
     (tmp_path / "daqp.py").write_text("import os\n\nos.abort()\n")
     environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
     script = "import symaware_cli.cli.doctor as d; d._worlds = lambda: (); d.MODULES = {'daqp': d.MODULES['daqp']}; "

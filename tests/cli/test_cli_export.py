@@ -36,7 +36,7 @@ def log(recorded: Path, tmp_path: Path) -> Path:
     return Path(shutil.copy(recorded, tmp_path))
 
 
-def test_it_tells_which_tables_it_wrote(log: Path, command: Command, tmp_path: Path) -> None:
+def test_it_names_the_written_tables(log: Path, command: Command, tmp_path: Path) -> None:
     done = command("export", log, "--format", "parquet", "--output", "tables")
     assert (done.returncode, done.stderr) == (0, "")
     lines = done.stdout.splitlines()
@@ -65,7 +65,7 @@ def test_tables_fields_agents_and_times_can_be_chosen(log: Path, command: Comman
     assert not (tmp_path / "hello-csv" / "control").exists()
 
 
-def test_scripts_are_told_in_json(log: Path, command: Command) -> None:
+def test_scripts_receive_json(log: Path, command: Command) -> None:
     report = json.loads(command("export", log, "--format", "csv", "--json").stdout)
     assert (report["output"], report["damage"]) == ("hello-csv", None)
     state = next(table for table in report["tables"] if table["file"] == "state/robot.csv")
@@ -95,7 +95,7 @@ def test_foxglove_gets_one_file(log: Path, command: Command, tmp_path: Path) -> 
         (("--format", "csv", "--output", "."), "it is not an empty folder"),
     ],
 )
-def test_wrong_options_are_told_in_a_sentence_and_leave_nothing(
+def test_wrong_options_are_reported_in_a_sentence_and_leave_no_file(
     log: Path, command: Command, tmp_path: Path, options: tuple[str, ...], said: str
 ) -> None:
     before = log.read_bytes()
@@ -117,7 +117,9 @@ def test_wrong_options_are_told_in_a_sentence_and_leave_nothing(
         ("missing", "there is no file missing.mcap"),
     ],
 )
-def test_what_is_no_log_of_ours_is_wrong_input(name: str, said: str, command: Command, tmp_path: Path) -> None:
+def test_a_file_that_is_no_log_of_symaware_is_wrong_input(
+    name: str, said: str, command: Command, tmp_path: Path
+) -> None:
     (tmp_path / "empty.mcap").touch()
     (tmp_path / "junk.mcap").write_bytes(b"junk")
     with LogWriter(tmp_path / "newer.mcap") as newer:
@@ -147,7 +149,7 @@ def test_of_a_log_that_breaks_off_the_rest_is_exported_with_exit_status_3(
 
 
 @pytest.mark.parametrize("target", TARGETS)
-def test_a_disk_that_is_full_is_told_in_a_sentence_and_nothing_is_left(
+def test_a_full_disk_is_reported_in_a_sentence_and_leaves_no_file(
     log: Path, command: Command, target: str, tmp_path: Path
 ) -> None:
     done = command(
@@ -160,7 +162,7 @@ def test_a_disk_that_is_full_is_told_in_a_sentence_and_nothing_is_left(
 
 
 @pytest.mark.parametrize("target", ["parquet", "foxglove"])
-def test_a_file_system_that_fills_up_is_told_in_a_sentence_and_nothing_is_left(
+def test_a_file_system_that_fills_up_is_reported_in_a_sentence_and_leaves_no_file(
     log: Path, command: Command, target: str, tmp_path: Path
 ) -> None:
     mounted = tmp_path / "disk"
@@ -189,7 +191,7 @@ def test_a_place_that_cannot_be_written_is_a_failure_of_the_machine(log: Path, c
     ("target", "module", "status"),
     [("parquet", "pyarrow", 2), ("foxglove", "foxglove_schemas_protobuf", 2), ("csv", "pyarrow", 0)],
 )
-def test_what_is_not_installed_is_named_with_what_installs_it(
+def test_missing_libraries_are_named_with_the_command_that_installs_them(
     log: Path, command: Command, tmp_path: Path, target: str, module: str, status: int
 ) -> None:
     hide = f"import sys; sys.modules[{module!r}] = None; from symaware_cli.cli import main; main()"

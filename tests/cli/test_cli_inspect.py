@@ -36,7 +36,7 @@ def test_contacts_are_those_that_the_summary_of_the_run_counts(
     assert json.loads(command("inspect", tmp_path / "head-on.mcap", "--json").stdout)["contacts"] == int(counted)
 
 
-def test_it_tells_who_how_long_how_often_and_with_what(log: Path, command: Command) -> None:
+def test_it_shows_agents_times_rates_and_versions(log: Path, command: Command) -> None:
     done = command("inspect", log)
     assert (done.returncode, done.stderr) == (0, "")
     for said in (
@@ -87,7 +87,7 @@ def test_digests_are_those_of_the_library(log: Path, command: Command) -> None:
     assert json.loads(command("log", "digest", log, "--json").stdout)["channels"] == expected.channels
 
 
-def test_a_log_that_was_cut_off_is_told_with_exit_status_3_whatever_is_asked(log: Path, command: Command) -> None:
+def test_a_truncated_log_is_reported_with_exit_status_3_by_every_view(log: Path, command: Command) -> None:
     log.write_bytes(log.read_bytes()[: log.stat().st_size // 2])
     for words in (["inspect"], ["inspect", "--json"], ["log", "events"], ["log", "digest"]):
         done = command(*words, log)
@@ -96,7 +96,7 @@ def test_a_log_that_was_cut_off_is_told_with_exit_status_3_whatever_is_asked(log
 
 
 @pytest.mark.parametrize("name", ["empty.mcap", "junk.mcap", "begun.mcap", "missing.mcap", "."])
-def test_what_is_no_log_is_wrong_input(name: str, command: Command, tmp_path: Path) -> None:
+def test_a_file_that_is_no_log_is_wrong_input(name: str, command: Command, tmp_path: Path) -> None:
     for each, content in {"empty": b"", "junk": b"junk", "begun": b"\x89MCAP0\r\n"}.items():
         (tmp_path / f"{each}.mcap").write_bytes(content)
     done = command("inspect", name)
@@ -104,7 +104,7 @@ def test_what_is_no_log_is_wrong_input(name: str, command: Command, tmp_path: Pa
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_scripts_are_told_of_what_is_no_log_as_well(command: Command) -> None:
+def test_with_json_files_that_are_no_log_are_reported_as_well(command: Command) -> None:
     assert json.loads(command("inspect", "missing.mcap", "--json").stdout)["error"] == "there is no file missing.mcap"
 
 
@@ -216,7 +216,7 @@ def test_a_series_without_values_is_an_empty_table(sample: Path, inspect: Callab
         ("series car:risk", "has no risk of 'car' (no channel /agents/car/risk); there is state"),
     ],
 )
-def test_what_cannot_be_shown_is_told_in_a_sentence(
+def test_an_unshowable_log_is_reported_in_a_sentence(
     sample: Path, inspect: Callable[..., Result], options: str, sentence: str
 ) -> None:
     view, *words = options.split()
@@ -227,7 +227,7 @@ def test_what_cannot_be_shown_is_told_in_a_sentence(
     assert sentence in json.loads(inspect(view, sample, *words, "--json", status=2).stdout)["error"]
 
 
-def test_filters_that_nothing_meets_are_no_failure_and_told_on_the_side(
+def test_filters_without_matches_are_no_failure_and_reported_on_stderr(
     sample: Path, inspect: Callable[..., Result]
 ) -> None:
     for options in (["--name", "computd"], ["--source", "nowhere"], ["--from", "100"], ["--name", "failed"]):
@@ -239,7 +239,7 @@ def test_filters_that_nothing_meets_are_no_failure_and_told_on_the_side(
     assert "there are hello" in inspect("messages", sample, "--kind", "bye").stderr
 
 
-def test_a_list_of_nothing_says_that_there_is_nothing(log: Path, inspect: Callable[..., Result]) -> None:
+def test_an_empty_list_is_reported_as_empty(log: Path, inspect: Callable[..., Result]) -> None:
     done = inspect("messages", log)
     assert (done.stdout, done.stderr) == ("", f"symaware: {log} has no messages\n")
 

@@ -70,7 +70,7 @@ def started(tmp_path: Path) -> Callable[..., subprocess.Popen[str]]:
 
 
 @pytest.mark.parametrize("case", CASES)
-def test_an_interrupted_verb_says_what_was_saved(
+def test_an_interrupted_verb_names_the_saved_files(
     case: str, started: Callable[..., subprocess.Popen[str]], tmp_path: Path
 ) -> None:
     words, begun, expected = CASES[case]
@@ -99,7 +99,7 @@ def cpu_time_of(process: subprocess.Popen[str], seconds: float) -> None:
         time.sleep(0.05)
 
 
-def test_only_what_is_still_there_is_called_saved(tmp_path: Path) -> None:
+def test_only_existing_files_are_reported_as_saved(tmp_path: Path) -> None:
     there = tmp_path / "there.mcap"
     there.touch()
     assert interruption([there, tmp_path / "gone.mcap"]) == f"interrupted; saved: {there}"

@@ -55,7 +55,7 @@ def killed(sample: Path, parts: tuple[str, str]) -> str:
     return write_part(whole, sample.parent / "left.mcap", "left", ["robot.1", "car"], until=20 * STEP, end="kill").name
 
 
-def test_it_says_what_was_joined(parts: tuple[str, str], merge: Callable[..., Result]) -> None:
+def test_it_names_the_merged_logs(parts: tuple[str, str], merge: Callable[..., Result]) -> None:
     done = merge("left.mcap", "host.mcap", "-o", "whole.mcap")
     assert (done.exit_code, done.stderr) == (0, "")
     head, *table = done.stdout.splitlines()
@@ -71,7 +71,7 @@ def test_it_says_what_was_joined(parts: tuple[str, str], merge: Callable[..., Re
     ]
 
 
-def test_it_tells_scripts_the_same(parts: tuple[str, str], merge: Callable[..., Result]) -> None:
+def test_the_json_has_the_same(parts: tuple[str, str], merge: Callable[..., Result]) -> None:
     done = merge(*parts, "-o", "whole.mcap", "--json")
     assert (done.exit_code, done.stderr) == (0, "")
     log = open_log("whole.mcap")
@@ -92,9 +92,7 @@ def test_it_tells_scripts_the_same(parts: tuple[str, str], merge: Callable[..., 
     }
 
 
-def test_what_was_lost_with_a_process_is_told_and_so_is_exit_status_3(
-    killed: str, merge: Callable[..., Result]
-) -> None:
+def test_the_loss_of_a_process_is_reported_with_exit_status_3(killed: str, merge: Callable[..., Result]) -> None:
     done = merge("host.mcap", killed, "-o", "whole.mcap")
     assert done.exit_code == 3
     assert done.stdout.splitlines()[-1].split() == ["left", "2", "0", "0.95", "left.mcap"]
@@ -109,7 +107,7 @@ def test_what_was_lost_with_a_process_is_told_and_so_is_exit_status_3(
 @pytest.mark.parametrize(
     ("given", "missing"), [(["host.mcap"], ["robot.1", "car"]), (["host.mcap", "right.mcap"], ["robot.1"])]
 )
-def test_whom_no_part_ran_is_told_and_so_is_exit_status_3(
+def test_agents_that_no_part_ran_are_reported_with_exit_status_3(
     sample: Path, merge: Callable[..., Result], tmp_path: Path, given: list[str], missing: list[str]
 ) -> None:
     split(sample, tmp_path, {"left": ["robot.1"], "right": ["car"]})
@@ -139,7 +137,7 @@ def test_a_part_of_a_process_that_came_back_begins_when_its_agents_do(
     assert [part["start"] for part in found["parts"]] == [0.0, 0.0, 1.5]
 
 
-def test_the_merged_log_is_sound_and_says_what_was_lost(killed: str, merge: Callable[..., Result]) -> None:
+def test_the_merged_log_is_sound_and_names_the_losses(killed: str, merge: Callable[..., Result]) -> None:
     merge("host.mcap", killed, "-o", "whole.mcap")
     done = CliRunner().invoke(application, ["inspect", "whole.mcap"])
     assert done.exit_code == 0
@@ -181,7 +179,7 @@ def test_wrong_input_is_a_sentence_and_exit_status_2(
         ("host.mcap/whole.mcap", 1, "part of its path is not a folder"),
     ],
 )
-def test_a_place_that_cannot_be_written_to_is_told(
+def test_an_unwritable_place_is_reported(
     parts: tuple[str, str], merge: Callable[..., Result], tmp_path: Path, place: str, status: int, sentence: str
 ) -> None:
     before = sorted((path.name, path.read_bytes()) for path in tmp_path.iterdir())
@@ -197,7 +195,7 @@ def test_an_output_is_asked_for(parts: tuple[str, str], merge: Callable[..., Res
     assert "--output" in done.stderr
 
 
-def test_a_disk_that_fills_up_is_told_and_nothing_half_written_is_left(parts: tuple[str, str], tmp_path: Path) -> None:
+def test_a_disk_that_fills_up_is_reported_and_leaves_no_partial_file(parts: tuple[str, str], tmp_path: Path) -> None:
     (tmp_path / "disk").mkdir()
     line = [*COMMAND, "merge", *(str(tmp_path / part) for part in parts), "-o", "whole.mcap"]
     done = on_a_small_disk(tmp_path / "disk", line, size="20k")

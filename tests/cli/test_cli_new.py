@@ -34,7 +34,9 @@ def invoke(*words: str) -> tuple[int, str]:
 
 
 @pytest.mark.parametrize(("options", "name"), [([], "mine.yaml"), (["--toml"], "mine.toml")])
-def test_what_it_writes_is_sound_and_runs(options: list[str], name: str, command: Command, tmp_path: Path) -> None:
+def test_the_written_scenario_is_valid_and_runs(
+    options: list[str], name: str, command: Command, tmp_path: Path
+) -> None:
     done = command("new", "mine", *options)
     assert done.returncode == 0
     assert f"symaware run {name}" in done.stdout

@@ -312,7 +312,7 @@ def refused(verb: str, number: int, name: str, sound: Path, here: Path, reasons:
 
 @pytest.mark.usefixtures("ordinary_rights")
 @pytest.mark.parametrize(("verb", "name"), FIRST)
-def test_a_path_that_cannot_be_used_is_told(verb: str, name: str, sound: Path, here: Path) -> None:
+def test_an_unusable_path_is_reported(verb: str, name: str, sound: Path, here: Path) -> None:
     refused(verb, 0, name, sound, here, QUICKLY)
 
 
@@ -360,5 +360,5 @@ def test_a_missing_or_a_broken_file_has_the_same_status_with_every_verb_and_is_n
 @pytest.mark.slow
 @pytest.mark.usefixtures("ordinary_rights")
 @pytest.mark.parametrize(("verb", "number", "name"), CASES)
-def test_every_path_that_cannot_be_used_is_told(verb: str, number: int, name: str, sound: Path, here: Path) -> None:
+def test_every_unusable_path_is_reported(verb: str, number: int, name: str, sound: Path, here: Path) -> None:
     refused(verb, number, name, sound, here)

@@ -41,7 +41,7 @@ def test_a_name_that_is_given_is_used_and_gives_the_same_bytes_in_any_process(
     assert sorted(os.listdir(tmp_path)) == ["one.svg", "two.svg"]
 
 
-def test_scripts_are_told_what_was_drawn(yard: Path, command: Command, tmp_path: Path) -> None:
+def test_with_json_the_drawn_content_is_reported(yard: Path, command: Command, tmp_path: Path) -> None:
     line = ["plot", yard, "--json", "-o", "a.pdf", "--agents", "cart, guard", "--from", "0.5", "--to", "2.5"]
     told = json.loads(command(*line, "--show", "separation,risk", "--series", "cart.0:state:x").stdout)
     assert (told["file"], told["size"]) == ("a.pdf", (tmp_path / "a.pdf").stat().st_size)
@@ -69,7 +69,7 @@ def test_a_log_that_was_cut_off_is_drawn_as_far_as_it_goes_with_exit_status_3(
     assert (tmp_path / "cut.png").stat().st_size == told["size"]
 
 
-def test_what_is_no_log_of_ours_is_wrong_input(command: Command, tmp_path: Path) -> None:
+def test_a_file_that_is_no_log_of_symaware_is_wrong_input(command: Command, tmp_path: Path) -> None:
     (tmp_path / "junk.mcap").write_bytes(b"junk")
     with open(tmp_path / "foreign.mcap", "wb") as file:
         writer = Writer(file)
@@ -103,7 +103,7 @@ def test_what_is_no_log_of_ours_is_wrong_input(command: Command, tmp_path: Path)
     ],
     ids=" ".join,
 )
-def test_what_cannot_be_drawn_is_a_sentence(
+def test_an_undrawable_series_is_reported_in_a_sentence(
     options: list[str], said: str, yard: Path, command: Command, tmp_path: Path
 ) -> None:
     done = command("plot", yard, *options)
@@ -113,7 +113,7 @@ def test_what_cannot_be_drawn_is_a_sentence(
     assert os.listdir(tmp_path) == []
 
 
-def test_scripts_are_told_of_what_cannot_be_drawn_as_well(yard: Path, command: Command) -> None:
+def test_with_json_undrawable_series_are_reported_as_well(yard: Path, command: Command) -> None:
     told = json.loads(command("plot", yard, "--json", "--show", "seperation").stdout)
     assert told["error"].endswith("did you mean `separation`?")
 
@@ -131,7 +131,7 @@ def test_where_nothing_can_be_written_nothing_changes(yard: Path, command: Comma
     assert os.listdir(tmp_path) == ["a.png"]
 
 
-def test_without_matplotlib_the_command_that_installs_it_is_told(yard: Path, tmp_path: Path) -> None:
+def test_without_matplotlib_the_error_has_the_command_that_installs_it(yard: Path, tmp_path: Path) -> None:
     code = "import sys; sys.modules['matplotlib'] = None; from symaware_cli.cli import main; main()"
     line = [sys.executable, "-c", code, "plot", str(yard)]
     done = subprocess.run(line, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False)

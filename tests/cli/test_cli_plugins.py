@@ -10,7 +10,7 @@ from checkout import CHECKOUT
 from simulating import Command
 
 
-def test_the_list_tells_every_plugin_and_its_package(command: Command) -> None:
+def test_the_list_has_every_plugin_and_its_package(command: Command) -> None:
     done = command("list")
     assert (done.returncode, done.stderr) == (0, "")
     for said in ("components", "environments", "models", "perception.self", "kinematic", "unicycle", "symaware-cli 0."):
@@ -98,7 +98,7 @@ def test_a_misspelt_plugin_is_answered_with_the_nearest(command: Command) -> Non
     assert "unicycle" in json.loads(command("show", "unicicle", "--json").stdout)["error"]
 
 
-def test_the_schema_accepts_the_examples_and_refuses_what_is_misspelt(command: Command, scenarios: Path) -> None:
+def test_the_schema_accepts_the_examples_and_refuses_misspelt_keys(command: Command, scenarios: Path) -> None:
     done = command("schema")
     assert done.returncode == 0
     schema = json.loads(done.stdout)

@@ -39,7 +39,7 @@ def broken(tmp_path: Path) -> Path:
     return path
 
 
-def test_it_writes_a_sound_log_beside_the_broken_one_and_tells_what_was_lost(
+def test_it_writes_a_sound_log_beside_the_broken_one_and_reports_the_loss(
     broken: Path, recover: Callable[..., Result], tmp_path: Path
 ) -> None:
     done = recover(broken)
@@ -58,7 +58,7 @@ def test_it_writes_a_sound_log_beside_the_broken_one_and_tells_what_was_lost(
     assert [m.data for m in found.messages()] == [m.data for m in open_log(broken).messages()]
 
 
-def test_it_tells_scripts_the_same(broken: Path, recover: Callable[..., Result], tmp_path: Path) -> None:
+def test_the_json_has_the_same(broken: Path, recover: Callable[..., Result], tmp_path: Path) -> None:
     done = recover(broken, "--json", "-o", tmp_path / "new.mcap")
     assert (done.exit_code, done.stderr) == (3, "")
     assert json.loads(done.stdout) == {
@@ -86,9 +86,7 @@ def test_it_tells_scripts_the_same(broken: Path, recover: Callable[..., Result],
     }
 
 
-def test_it_overwrites_nothing_that_it_was_not_told_to(
-    broken: Path, recover: Callable[..., Result], tmp_path: Path
-) -> None:
+def test_it_overwrites_no_file_without_permission(broken: Path, recover: Callable[..., Result], tmp_path: Path) -> None:
     for name in ("broken.recovered", "broken.recovered-2", "broken.recovered-3"):
         recover(broken)
         assert open_log(tmp_path / f"{name}.mcap").verify() is None
@@ -97,7 +95,9 @@ def test_it_overwrites_nothing_that_it_was_not_told_to(
     assert open_log(tmp_path / "mine.mcap").message_count == 193
 
 
-def test_a_sound_log_is_told_to_be_sound_and_nothing_is_written(recover: Callable[..., Result], tmp_path: Path) -> None:
+def test_a_sound_log_is_reported_as_sound_and_nothing_is_written(
+    recover: Callable[..., Result], tmp_path: Path
+) -> None:
     path = write_sample(tmp_path / "log.mcap")
     done = recover(path)
     assert (done.exit_code, done.stdout) == (0, f"{path} is sound: there is nothing to recover\n")
@@ -110,7 +110,7 @@ def test_a_sound_log_is_told_to_be_sound_and_nothing_is_written(recover: Callabl
     assert open_log(tmp_path / "copy.mcap").recovery is None
 
 
-def test_what_loses_nothing_is_mended_with_exit_status_0(recover: Callable[..., Result], tmp_path: Path) -> None:
+def test_a_repair_without_losses_has_exit_status_0(recover: Callable[..., Result], tmp_path: Path) -> None:
     path = write_sample(tmp_path / "log.mcap")
     path.write_bytes(path.read_bytes()[:-1])
     done = recover(path)
@@ -136,7 +136,7 @@ def test_a_recovered_log_is_as_good_as_any_for_other_verbs(broken: Path, command
         ("broken.mcap/new.mcap", 1, "part of its path is not a folder"),
     ],
 )
-def test_a_place_that_cannot_be_written_to_is_told(
+def test_an_unwritable_place_is_reported(
     broken: Path,
     recover: Callable[..., Result],
     tmp_path: Path,
@@ -155,14 +155,14 @@ def test_a_place_that_cannot_be_written_to_is_told(
     assert [each.name for each in tmp_path.iterdir()] == ["broken.mcap"]
 
 
-def test_a_disk_that_fills_up_is_told_and_nothing_half_written_is_left(broken: Path, tmp_path: Path) -> None:
+def test_a_disk_that_fills_up_is_reported_and_leaves_no_partial_file(broken: Path, tmp_path: Path) -> None:
     (tmp_path / "disk").mkdir()
     done = on_a_small_disk(tmp_path / "disk", [*COMMAND, "recover", str(broken), "-o", "new.mcap"], size="20k")
     assert (done.returncode, done.stdout) == (1, "old\n")
     assert done.stderr == "symaware: cannot write new.mcap: the disk is full\n"
 
 
-def test_a_file_that_may_not_grow_is_told_and_nothing_half_written_is_left(
+def test_a_file_that_may_not_grow_is_reported_and_leaves_no_partial_file(
     broken: Path, command: Command, tmp_path: Path
 ) -> None:
     limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (10_000, 10_000))

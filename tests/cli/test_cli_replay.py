@@ -70,7 +70,7 @@ def alive(pid: str) -> bool:
         return False
 
 
-def test_a_file_is_written_and_what_it_shows_is_said(hello: Path, command: Command, tmp_path: Path) -> None:
+def test_a_file_is_written_and_its_content_is_described(hello: Path, command: Command, tmp_path: Path) -> None:
     done = command("replay", hello, "--save", "hello.rrd")
     assert (done.returncode, done.stderr) == (0, "")
     first, second = done.stdout.splitlines()
@@ -120,7 +120,7 @@ def test_a_picture_is_taken_of_an_instant(hello: Path, command: Command) -> None
         (["--web", "--bind", "localhost"], "--bind is an IP address"),
     ],
 )
-def test_options_that_mean_nothing_are_told(
+def test_meaningless_options_are_reported(
     options: list[str], said: str, hello: Path, command: Command, tmp_path: Path
 ) -> None:
     done = command("replay", hello, *options)
@@ -130,7 +130,7 @@ def test_options_that_mean_nothing_are_told(
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_log_is_not_overwritten_by_what_is_made_of_it(hello: Path, command: Command) -> None:
+def test_a_log_is_not_overwritten_by_its_own_export(hello: Path, command: Command) -> None:
     before = hello.read_bytes()
     Path("same.rrd").symlink_to(hello)
     done = command("replay", hello, "--save", "same.rrd")
@@ -148,7 +148,7 @@ def test_a_log_that_broke_off_is_shown_as_far_as_it_goes_and_exits_3(command: Co
     assert 20 < len(Recording(Path("cut.rrd")).times("/world/agents/a/body", "Points3D:positions")) < 100
 
 
-def test_a_log_that_broke_off_at_once_is_told_so(hello: Path, command: Command) -> None:
+def test_a_log_that_broke_off_at_once_is_reported(hello: Path, command: Command) -> None:
     data = hello.read_bytes()
     Path("cut.mcap").write_bytes(data[: len(data) // 2])
     done = command("replay", "cut.mcap", "--save", "cut.rrd")
@@ -187,7 +187,7 @@ def test_a_log_without_models_is_a_damaged_one(command: Command, tmp_path: Path)
     assert not Path("a.rrd").exists()
 
 
-def test_a_full_disk_is_told_and_what_was_there_stays(hello: Path, tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_and_keeps_the_existing_file(hello: Path, tmp_path: Path) -> None:
     folder = tmp_path / "disk"
     folder.mkdir()
     line = [*COMMAND, "replay", str(hello), "--save", "old.rrd"]
@@ -197,7 +197,7 @@ def test_a_full_disk_is_told_and_what_was_there_stays(hello: Path, tmp_path: Pat
     assert done.stdout.split() == ["old.rrd"]
 
 
-def test_a_file_that_may_not_grow_is_told_and_nothing_stays(hello: Path, command: Command, tmp_path: Path) -> None:
+def test_a_file_that_may_not_grow_is_reported_and_leaves_no_file(hello: Path, command: Command, tmp_path: Path) -> None:
     limit = 200_000
     done = command(
         *("replay", hello, "--save", "a.rrd"),
@@ -216,19 +216,19 @@ def test_a_recording_that_is_called_something_else_is_refused(name: str, hello: 
     assert not Path(name).exists()
 
 
-def test_a_folder_that_is_not_there_is_told(hello: Path, command: Command) -> None:
+def test_a_missing_folder_is_reported(hello: Path, command: Command) -> None:
     done = command("replay", hello, "--save", "nowhere/a.rrd")
     assert done.returncode == 1
     assert done.stderr == "symaware: cannot write nowhere/a.rrd: its folder does not exist\n"
 
 
-def test_where_no_viewer_runs_that_is_told_at_once(hello: Path, command: Command) -> None:
+def test_a_missing_viewer_is_reported_at_once(hello: Path, command: Command) -> None:
     done = command("replay", hello, "--connect", "rerun+http://127.0.0.1:1/proxy", timeout=30)
     assert done.returncode == 1
     assert "the viewer at rerun+http://127.0.0.1:1/proxy cannot be reached: connection refused" in done.stderr
 
 
-def test_a_port_that_is_taken_is_told(hello: Path, command: Command) -> None:
+def test_a_taken_port_is_reported(hello: Path, command: Command) -> None:
     import socket
 
     with socket.socket() as other:

@@ -144,7 +144,7 @@ def test_a_log_can_be_run_with_changes(command: Command, scenario: Path, tmp_pat
         ("swap.yaml/x.mcap", "not a folder"),
     ],
 )
-def test_an_output_that_cannot_be_is_told_in_a_sentence(
+def test_an_impossible_output_is_reported_in_a_sentence(
     output: str, said: str, command: Command, scenario: Path
 ) -> None:
     done = command("run", "swap.yaml", "--output", output)
@@ -162,7 +162,7 @@ def test_no_run_overwrites_its_own_scenario(output: str, command: Command, scena
     assert scenario.read_text() == SCENARIO
 
 
-def test_no_run_overwrites_any_file_that_it_read_by_whatever_name(
+def test_no_run_overwrites_any_file_that_it_read_under_any_name(
     command: Command, scenario: Path, tmp_path: Path
 ) -> None:
     folder = scenario.parent

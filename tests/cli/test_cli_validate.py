@@ -11,7 +11,7 @@ from simulating import Command
 from symaware_cli import open_log
 
 
-def test_a_sound_scenario_is_told_in_one_line(command: Command, scenarios: Path, tmp_path: Path) -> None:
+def test_a_sound_scenario_is_reported_in_one_line(command: Command, scenarios: Path, tmp_path: Path) -> None:
     done = command("validate", scenarios / "hello.yaml")
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout == f"{scenarios / 'hello.yaml'}: sound; 4 agents in 1 group, 240 steps\n"

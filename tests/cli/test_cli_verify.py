@@ -37,7 +37,7 @@ def test_an_equal_log_has_exit_status_0(log: Path) -> None:
     assert out.splitlines()[:2] == [f"{log}: equal", "  repeated     hello, seed 7, until 1 s"]
 
 
-def test_a_difference_is_told_with_its_place_and_exit_status_1(log: Path, tmp_path: Path) -> None:
+def test_a_difference_is_reported_with_its_place_and_exit_status_1(log: Path, tmp_path: Path) -> None:
     def changed(message: LogMessage) -> bytes:
         if message.channel.topic != "/world/robot/state" or message.time != 500_000_000:
             return message.data
@@ -60,7 +60,7 @@ def test_a_difference_is_told_with_its_place_and_exit_status_1(log: Path, tmp_pa
     assert (status, said["equal"], said["difference"]["agent"]) == (1, False, "robot.2")
 
 
-def test_what_is_no_log_is_wrong_input(tmp_path: Path) -> None:
+def test_a_file_that_is_no_log_is_wrong_input(tmp_path: Path) -> None:
     (tmp_path / "no.mcap").write_bytes(b"nothing")
     status, _, err = verify(tmp_path / "no.mcap")
     assert status == 2
@@ -73,7 +73,7 @@ def test_a_folder_without_a_sweep_is_wrong_input(tmp_path: Path) -> None:
     assert "is not the folder of a sweep" in err
 
 
-def test_what_a_damaged_log_lacks_is_told(log: Path, tmp_path: Path) -> None:
+def test_missing_parts_of_a_damaged_log_are_reported(log: Path, tmp_path: Path) -> None:
     content = bytearray(log.read_bytes())
     start = 8
     while content[start] != Opcode.CHUNK:

@@ -70,7 +70,7 @@ def test_columns_that_do_not_fit_stand_in_further_blocks_with_the_first(monkeypa
     assert [name for each in lines if "column" in each for name in each.split()[1:]] == table[0][1:]
 
 
-def test_what_is_written_to_a_file_or_a_pipe_is_not_folded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_text_in_files_and_pipes_is_not_folded(monkeypatch: pytest.MonkeyPatch) -> None:
     # Whoever has imported `readline` exports it to each process that it starts.
     monkeypatch.setenv("COLUMNS", "80")
     with open(os.devnull, "w") as stream:

@@ -58,7 +58,7 @@ def problems(path: Path) -> Any:
 
 
 @pytest.mark.parametrize("world", ["kinematic", "pymunk", "pybullet"])
-def test_all_that_is_missing_is_told_of_in_every_world_where_it_is_named(world: str, tmp_path: Path) -> None:
+def test_all_missing_features_are_reported_in_every_world_where_they_are_named(world: str, tmp_path: Path) -> None:
     write(tmp_path / "bent.urdf", "<robot")
     shapes = [mesh("none.obj"), {"urdf": {"file": "bent.urdf", "radius": 1.0}}, mesh("nor.stl")]
     write(tmp_path / "tents.yaml", scenario(world, *shapes))

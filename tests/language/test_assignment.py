@@ -110,7 +110,7 @@ def test_the_text_of_a_python_value_means_the_same_and_stands_at_the_same_places
 
 
 @given(_FAULTY)
-def test_what_is_wrong_with_a_python_value_is_located_in_its_text(value: Any) -> None:
+def test_problems_of_a_python_value_are_located_in_its_text(value: Any) -> None:
     one = Assignment.of("a.b", value)
     # Characters that no file may contain are escaped in the text, so that it can be printed and parsed.
     other = Assignment.parse(str(one))

@@ -100,7 +100,7 @@ def test_there_are_many_and_of_both_formats() -> None:
     assert reports == set(FILES)
 
 
-def test_the_same_fault_is_told_in_the_same_words_in_both_formats() -> None:
+def test_the_same_fault_is_reported_in_the_same_words_in_both_formats() -> None:
     def told(name: str) -> list[tuple[object, ...]]:
         problems = json.loads(validate(name, "--json")[1])["problems"]
         for each in problems:

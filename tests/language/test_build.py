@@ -177,7 +177,7 @@ def test_problems_of_every_part_are_reported_in_one_pass(problems: Problems, sou
     }
 
 
-def test_what_cannot_be_read_does_not_hide_what_is_wrong_elsewhere(tmp_path: Path) -> None:
+def test_an_unreadable_part_does_not_hide_problems_elsewhere(tmp_path: Path) -> None:
     path = tmp_path / "scenario.yaml"
     path.write_text(
         "symaware: 1\nname: x y\nrun: {duration: .nan}\nenvironment: {use: kinematic}\nagents: {robot: {}}\n"

@@ -67,7 +67,7 @@ def test_a_name_that_nobody_knows_is_answered_as_well(tmp_path: Path) -> None:
     assert "which would run this scenario" in (problem.expected or "")
 
 
-def test_a_feature_that_no_installed_world_has_is_told_with_what_is_missing(without_pybullet: None) -> None:
+def test_a_feature_that_no_installed_world_has_is_reported_with_the_missing_packages(without_pybullet: None) -> None:
     said = expected_world("smells", Catalogue())
     assert said.startswith("a world that provides smells; no installed one does, but `pybullet` may, with the extra")
 

@@ -69,7 +69,7 @@ def test_a_broken_plugin_says_which_package_is_to_blame_and_why(name: str, messa
     assert str(error) == f"the component `broken.{name}` of broken-plugins 1.0 {message}"
 
 
-def test_a_syntax_error_is_told_with_its_place() -> None:
+def test_a_syntax_error_is_reported_with_its_place() -> None:
     error = refusal("component", "broken.syntax-error")
     assert error.code == "broken-plugin"
     assert "SyntaxError: " in str(error)
@@ -90,7 +90,7 @@ def test_a_name_that_two_packages_claim_belongs_to_neither() -> None:
     assert len(Catalogue().find("twin.watch")) == 2
 
 
-def test_a_plugin_of_another_kind_is_told_from_one_that_is_not_there() -> None:
+def test_a_plugin_of_another_kind_is_distinguished_from_a_missing_one() -> None:
     assert str(refusal("component", "unicycle")) == "`unicycle` is a model, not a component"
     assert str(refusal("model", "kinematic")) == "`kinematic` is an environment, not a model"
 

@@ -57,12 +57,12 @@ def test_no_section_takes_keys_that_are_not_described_or_can_be_changed() -> Non
 
 
 @pytest.mark.parametrize("name", ["a", "_", "robot-1", "Robot_2", "x" * 64])
-def test_what_is_a_name(name: str) -> None:
+def test_valid_names(name: str) -> None:
     assert read(name=name).name == name
 
 
 @pytest.mark.parametrize("name", ["", "1st", "-a", "a.b", "a b", "a/b", "a\n", "é", "x" * 65, "../a", "a$"])
-def test_what_is_no_name(name: str) -> None:
+def test_invalid_names(name: str) -> None:
     with pytest.raises(ValidationError):
         read(name=name)
     with pytest.raises(ValidationError):

@@ -125,7 +125,7 @@ def test_references_and_files_in_templates_are_those_of_the_document(tmp_path: P
         ("    model: {use: unicycle, with: {max_speed: 1.0}}\n", "", ["alike.yaml:14:3: the field `model` is missing"]),
     ],
 )
-def test_a_problem_is_told_once_with_both_places(tmp_path: Path, before: str, after: str, told: list[str]) -> None:
+def test_a_problem_is_reported_once_with_both_places(tmp_path: Path, before: str, after: str, told: list[str]) -> None:
     path = file(tmp_path, TEMPLATES.replace(before, after, 1))
     with pytest.raises(ScenarioError) as caught:
         symaware_cli.load(path)
@@ -186,7 +186,7 @@ def patched(base: Any, patch: Any) -> Any:
 
 
 @given(st.lists(st.dictionaries(st.sampled_from("abc"), trees, max_size=3), min_size=1, max_size=4))
-def test_what_is_alike_is_merged_in_order(tmp_path_factory: pytest.TempPathFactory, layers: list[Any]) -> None:
+def test_templates_are_merged_in_the_order_of_like(tmp_path_factory: pytest.TempPathFactory, layers: list[Any]) -> None:
     folder = tmp_path_factory.mktemp("alike")
     *templates, own = [{"knowledge": each} for each in layers]
     document = {

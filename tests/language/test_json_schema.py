@@ -44,7 +44,7 @@ def test_every_example_fits_the_schema(validator: jsonschema.Draft202012Validato
     validator.validate(document(path))
 
 
-def test_what_new_writes_fits_the_schema(validator: jsonschema.Draft202012Validator, tmp_path: Path) -> None:
+def test_scenarios_of_new_fit_the_schema(validator: jsonschema.Draft202012Validator, tmp_path: Path) -> None:
     for suffix in ("yaml", "toml"):
         path = tmp_path / f"fresh.{suffix}"
         path.write_text(template("fresh", toml=suffix == "toml"))

@@ -46,7 +46,7 @@ def faulty(sound: dict[str, Any], **fault: Any) -> dict[str, Any]:
         ("start", {"speed": 2.0}, ".speed", r"unknown key `speed`"),
     ],
 )
-def test_what_cannot_be_checked_is_a_problem_at_the_fault(
+def test_a_failing_check_is_a_problem_at_the_fault(
     problems: Callable[..., list[Problem]], sound: Any, kind: str, written: Any, path: str, message: str
 ) -> None:
     (problem,) = problems(faulty(sound, **{f"broken_{kind}": written}))

@@ -89,7 +89,7 @@ def test_an_element_of_the_value_of_all_is_set(tmp_path: Path) -> None:
         ("agents.robot[1].knowledge.goal[0]=2", r"`agents.robot\[1\].knowledge.goal` is not a list"),
     ],
 )
-def test_what_cannot_be_set_for_one_agent_says_what_can(change: str, said: str, tmp_path: Path) -> None:
+def test_an_assignment_for_one_agent_is_refused_with_the_possible_ones(change: str, said: str, tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=said) as caught:
         values(tmp_path, {"uniform": [0, 1]}, "knowledge", change)
     (problem,) = caught.value.problems

@@ -221,7 +221,7 @@ def test_an_agent_that_is_alone_in_its_group_has_the_parameters_themselves(tmp_p
         ),
     ],
 )
-def test_what_no_agent_can_have_for_itself_is_refused_at_its_place(
+def test_a_parameter_that_no_agent_can_have_alone_is_refused_at_its_place(
     changes: list[str], said: str, place: str, tmp_path: Path
 ) -> None:
     components = {**chain("go-to-goal", {}), "tell": {"use": "communication.gossip", "with": {"name": "goal"}}}

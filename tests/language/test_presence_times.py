@@ -68,7 +68,7 @@ def test_an_event_is_not_forgotten_while_an_agent_waits(tmp_path: Path) -> None:
     assert times == pytest.approx({"car.0": 1.0, "car.1": 3.0, "car.2": 5.0})
 
 
-def test_who_leaves_at_that_instant_is_not_in_the_way(tmp_path: Path) -> None:
+def test_an_agent_that_leaves_at_that_instant_is_not_in_the_way(tmp_path: Path) -> None:
     present = [{"until": 2.0}, {"from": 2.0, "apart": 50.0}, {"from": 2.0, "apart": 1.0}]
     assert entered(scenario(tmp_path, present, states=[[0, 0], [1, 0], [2, 0]]), tmp_path)["car.1"] == 2.0
 

@@ -40,17 +40,17 @@ def problems(path: Path, *overrides: Any) -> Any:
 
 
 @pytest.mark.parametrize("whom", ["tower", "robot.1", "[1, 2, 3]", "null"])
-def test_who_has_what_it_requires_is_made(whom: str, tmp_path: Path) -> None:
+def test_a_plugin_with_its_requirements_is_created(whom: str, tmp_path: Path) -> None:
     assert problems(tmp_path, f"agents.robot.components.eye.with.look_at={whom}") == []
 
 
-def test_a_body_that_is_not_there_is_told_of_where_it_is_named(tmp_path: Path) -> None:
+def test_an_unknown_body_is_reported_where_it_is_named(tmp_path: Path) -> None:
     found = problems(tmp_path, "agents.robot.components.eye.with.look_at=robot")
     assert found == [("unknown-target", "agents.robot.components.eye.with.look_at")]
 
 
 @pytest.mark.parametrize("world", ["kinematic", "pymunk"])
-def test_a_world_that_lacks_what_is_required_is_told_of_before_the_run(world: str, tmp_path: Path) -> None:
+def test_a_world_that_lacks_a_required_feature_is_reported_before_the_run(world: str, tmp_path: Path) -> None:
     assert problems(tmp_path, f"environment.use={world}") == [("unsuitable", "agents.robot.components.eye")]
 
 

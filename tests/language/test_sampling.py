@@ -144,7 +144,7 @@ def test_a_state_of_one_number_can_be_drawn(building: Building) -> None:
         ),
     ],
 )
-def test_what_no_state_can_be_made_of(problems: Problems, state: object, code: str, path: str, message: str) -> None:
+def test_values_that_are_no_state(problems: Problems, state: object, code: str, path: str, message: str) -> None:
     (problem,) = problems(state=state)
     assert (problem.code, problem.path, problem.message) == (code, f"agents.robot.{path}", message)
 

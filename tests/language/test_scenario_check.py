@@ -92,7 +92,7 @@ def test_it_is_checked_together_with_other_problems(
     assert {each.path.partition(".")[0] for each in problems(scenario)} == {"agents", "specifications"}
 
 
-def test_what_a_parameter_does_not_say_is_located_at_the_section(
+def test_a_missing_parameter_is_located_at_the_section(
     sound: dict[str, Any], problems: Callable[..., list[Problem]]
 ) -> None:
     scenario = with_needs(sound, "agents.robot.components.need", {"told": "report"})

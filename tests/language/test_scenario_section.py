@@ -54,7 +54,7 @@ def test_it_is_in_the_resolved_document(sailing: dict[str, Any], building: Calla
         ({"bay": 30.0}, "unsuitable", "agents.robot.components.sail"),
     ],
 )
-def test_what_is_wrong_is_located(
+def test_problems_are_located(
     weather: Any, code: str, path: str, sailing: dict[str, Any], problems: Callable[..., list[Problem]]
 ) -> None:
     sailing["weather"] = weather
@@ -121,7 +121,7 @@ def test_bodies_and_regions_that_it_adds_are_those_of_the_scenario(
     assert b"at_north: {" not in built.resolved
 
 
-def test_what_it_adds_identifies_the_scenario(sound: dict[str, Any], building: Callable[..., Built]) -> None:
+def test_additions_of_a_section_identify_the_scenario(sound: dict[str, Any], building: Callable[..., Built]) -> None:
     digests = []
     for name in ("north", "south"):
         sound["harbour"] = {name: [0, 9]}

@@ -44,7 +44,7 @@ def test_a_new_scenario_says_how_to_run_it_and_explains_its_lines(toml: bool) ->
 
 
 @pytest.mark.parametrize("name", ["", "1st", "a b", "a/b", "../a", "a.b", "a\n", "é", "x" * 65, "$name"])
-def test_what_is_no_name_is_refused(name: str) -> None:
+def test_an_invalid_name_is_refused(name: str) -> None:
     with pytest.raises(TemplateError):
         template(name)
 

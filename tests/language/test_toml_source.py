@@ -216,7 +216,9 @@ def test_the_number_of_values_has_a_bound(tmp_path: Path) -> None:
         ("a = 1\rb = 2", "syntax", 1, 6),
     ],
 )
-def test_what_is_wrong_is_where_a_person_mends_it(tmp_path: Path, text: str, code: str, line: int, column: int) -> None:
+def test_problems_are_located_where_a_person_corrects_them(
+    tmp_path: Path, text: str, code: str, line: int, column: int
+) -> None:
     assert only(tmp_path, text) == (code, line, column)
 
 
@@ -277,7 +279,7 @@ def _dump(table: dict[str, Any], line_break: str, header: tuple[str, ...] = ()) 
     style=st.sampled_from(["inline", "tables", "dotted"]),
     line_break=st.sampled_from(["", "\n", "\r\n"]),
 )
-def test_what_is_written_is_what_is_read_at_places_that_show_it(
+def test_written_values_are_read_back_with_their_places(
     tmp_path: Path, data: dict[str, Any], style: str, line_break: str
 ) -> None:
     if style == "tables":

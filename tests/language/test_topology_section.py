@@ -166,7 +166,7 @@ def test_in_the_asynchronous_mode_messages_arrive_at_their_very_time(tmp_path: P
     assert len(times) == pytest.approx(len(latencies), abs=30)
 
 
-def test_who_waits_for_messages_is_woken_when_they_come(tmp_path: Path) -> None:
+def test_a_component_that_waits_for_messages_is_triggered_by_their_arrival(tmp_path: Path) -> None:
     document = changed(run__mode="asynchronous")
     hear = document["agents"]["robot"]["components"]["hear"]
     hear |= {"trigger": {"event": "received"}}
@@ -189,7 +189,7 @@ def test_changes_of_links_are_events(tmp_path: Path) -> None:
         assert event.time > before.time
 
 
-def test_a_promise_that_is_broken_on_the_way_is_told(tmp_path: Path) -> None:
+def test_a_promise_that_is_broken_on_the_way_is_reported(tmp_path: Path) -> None:
     document = changed(topology={"use": "range", "with": {"range": 2.0}, "connected": True})
     events = [event for event in ran(tmp_path, document).events() if event.name == "links-changed"]
     assert events[0].level == "WARNING"
@@ -346,7 +346,7 @@ def test_a_repeated_run_is_taken_from_the_log_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fault", [{"stop": "robot.1"}, {"freeze": "robot.1.tell"}])
-def test_who_takes_no_part_says_nothing(fault: dict[str, str], tmp_path: Path) -> None:
+def test_an_agent_that_takes_no_part_sends_nothing(fault: dict[str, str], tmp_path: Path) -> None:
     faults = {"end": {"at": 0.5, "for": 0.5, **fault}}
     log = ran(tmp_path, changed(topology={"use": "complete"}, faults=faults))
     said = {entry.time for entry in log.communications() if entry.stage == "SENT" and entry.sender == "robot.1"}

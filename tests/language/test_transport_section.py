@@ -60,7 +60,7 @@ def test_in_one_process_it_changes_nothing(built: Any, tmp_path: Path) -> None:
         ("zenoh or so", "zenoh or so"),
     ],
 )
-def test_what_is_wrong_with_it_is_said(built: Any, transport: Any, said: str) -> None:
+def test_its_problems_are_reported(built: Any, transport: Any, said: str) -> None:
     with pytest.raises(ScenarioError) as raised:
         built(transport)
     assert len(raised.value.problems) == 1

@@ -119,7 +119,7 @@ def test_a_rule_over_two_fields_is_shown_at_what_holds_them_and_one_over_a_singl
 @pytest.mark.parametrize(
     ("text", "suggestion"), [("drive: font", "front"), ("electric: yes!", None), ("electric: 'Yes'", "true")]
 )
-def test_what_is_nearly_right_is_suggested(judged: Any, text: str, suggestion: str | None) -> None:
+def test_the_nearest_valid_name_is_suggested(judged: Any, text: str, suggestion: str | None) -> None:
     assert judged(text)[0].suggestion == suggestion
 
 
@@ -185,5 +185,5 @@ def test_sound_data_becomes_the_model(tmp_path: Path) -> None:
         ("y" * 200, f"the text `{'y' * 30}...{'y' * 30}`"),
     ],
 )
-def test_what_a_value_is_called(value: object, said: str) -> None:
+def test_descriptions_of_values(value: object, said: str) -> None:
     assert said_of(value) == said

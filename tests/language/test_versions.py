@@ -50,7 +50,7 @@ def test_of_a_package_that_is_on_the_path_twice_the_one_that_is_imported_counts(
 
 
 @pytest.mark.parametrize("name", ["Odd_Name-1.5.dist-info", "odd.name-1.5-py3.11.egg-info", "odd_name.egg-info"])
-def test_names_are_told_in_one_spelling_whatever_tool_installed_them(name: str, folder: Path) -> None:
+def test_names_of_packages_have_one_spelling_for_every_installer(name: str, folder: Path) -> None:
     (folder / name).mkdir()
     (folder / name / "PKG-INFO").write_text("Metadata-Version: 1.0\nName: odd-name\nVersion: 1.5\n")
     assert versions()["odd-name"] == "1.5"

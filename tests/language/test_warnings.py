@@ -31,7 +31,7 @@ def bodies(folder: Path, world: str, entities: dict[str, Any], **agents: dict[st
 
 
 @pytest.mark.parametrize("world", ["kinematic", "pymunk", "pybullet"])
-def test_an_agent_without_a_body_is_told_of_where_it_could_collide(world: str, tmp_path: Path) -> None:
+def test_an_agent_without_a_body_is_reported_where_it_could_collide(world: str, tmp_path: Path) -> None:
     assert bodies(tmp_path, world, PILLAR, a={}, b={"entity": {"mass": 2.0}}) == ["agents.a", "agents.b"]
     assert bodies(tmp_path, world, {}, a={}, b={"entity": DISC}) == ["agents.a"]
     assert bodies(tmp_path, world, PILLAR, a={"entity": DISC}) == []
@@ -93,7 +93,7 @@ def without_a_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         (["always eventually (l0 and l1)"], "0"),
     ],
 )
-def test_assumptions_that_no_environment_can_keep_are_told_of(
+def test_assumptions_that_no_environment_can_keep_are_reported(
     assumptions: list[str], place: str | None, tmp_path: Path
 ) -> None:
     warnings = Scenario(strategy(tmp_path, assumptions, ["always eventually l1"])).validate().warnings

@@ -250,7 +250,9 @@ def test_the_number_of_values_has_a_bound(tmp_path: Path) -> None:
         ("a: {b: ${parameters.c}}", "syntax", 1, 9),
     ],
 )
-def test_what_is_wrong_is_where_a_person_mends_it(tmp_path: Path, text: str, code: str, line: int, column: int) -> None:
+def test_problems_are_located_where_a_person_corrects_them(
+    tmp_path: Path, text: str, code: str, line: int, column: int
+) -> None:
     assert only(tmp_path, text) == (code, line, column)
 
 
@@ -356,7 +358,7 @@ _CoreDumper.add_representer(str, _quote)
     unicode=st.booleans(),
     line_break=st.sampled_from(["\n", "\r\n", "\r"]),
 )
-def test_what_is_written_is_what_is_read_at_places_that_show_it(
+def test_written_values_are_read_back_with_their_places(
     tmp_path: Path, data: dict[str, Any], flow: bool | None, indent: int, unicode: bool, line_break: str
 ) -> None:
     text = yaml.dump(

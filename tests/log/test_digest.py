@@ -66,7 +66,7 @@ def test_the_digest_is_what_the_document_defines(tmp_path: Path) -> None:
         (lambda writer, state, event: writer.add_timing(5, wall_time=1, cpu_time=1, steps=1), []),
     ],
 )
-def test_a_difference_is_told_where_it_is(tmp_path: Path, change: Callable[..., Any], topics: list[str]) -> None:
+def test_a_difference_is_reported_at_its_place(tmp_path: Path, change: Callable[..., Any], topics: list[str]) -> None:
     digests = []
     acts: list[Callable[..., Any]] = [lambda *_: None, change]
     for number, act in enumerate(acts):

@@ -112,7 +112,7 @@ def test_contacts_are_those_that_meet_every_condition(log: Log, wanted: dict[str
 
 
 @pytest.mark.parametrize("pattern", ["robot.11", "robto", "x*", ""])
-def test_an_agent_that_there_is_not_is_told(log: Log, pattern: str) -> None:
+def test_an_unknown_agent_is_reported(log: Log, pattern: str) -> None:
     for find in (EntryFilter.events, EntryFilter.communications, EntryFilter.contacts):
         with pytest.raises(
             UnknownNameError, match=f"has no agent, group or entity '{pattern.replace('*', '.')}"

@@ -83,7 +83,7 @@ def test_others_may_be_known_by_more_or_fewer_numbers(write: Callable[..., Log])
     assert log.beliefs("robot.2", "robot.1").covariances[0].ravel().tolist() == list(range(25, 41))
 
 
-def test_who_knows_the_world_knows_the_truth_at_that_instant(write: Callable[..., Log]) -> None:
+def test_an_omniscient_agent_knows_the_truth_at_that_instant(write: Callable[..., Log]) -> None:
     world = [(time, wire.encode_rows([[time, 0.0, 0.0]])) for time in (2, 4)]
     beliefs = write([(time, others_message.WHOLE_WORLD) for time in (1, 2, 3, 4)], world).beliefs("robot.1", "car")
     assert np.array_equal(beliefs.values[:, 0], [np.nan, 2, 2, 4], equal_nan=True)
@@ -132,13 +132,13 @@ def test_beliefs_in_a_run_are_those_that_the_components_had(tmp_path: Path) -> N
         ("car", "robot.0", r"has no awareness of 'car' \(no channel /agents/car/awareness\)"),
     ],
 )
-def test_beliefs_that_are_not_there_are_told(write: Callable[..., Log], agent: str, other: str, sentence: str) -> None:
+def test_missing_beliefs_are_reported(write: Callable[..., Log], agent: str, other: str, sentence: str) -> None:
     with pytest.raises(LogError, match=sentence) as caught:
         write([]).beliefs(agent, other)
     assert isinstance(caught.value, UnknownNameError) == (agent == "robto")
 
 
-def test_a_message_that_does_not_fit_together_is_told(write: Callable[..., Log]) -> None:
+def test_an_inconsistent_message_is_reported(write: Callable[..., Log]) -> None:
     message = v1.Awareness(rows=[0], lengths=[1], entities=[0], columns=[3], values=[1, 2])
     with pytest.raises(LogError, match=r"/agents/robot/awareness .* do not fit together: .* 2 numbers where 3"):
         write([(0, message.SerializeToString())]).beliefs("robot.0", "car")

@@ -91,7 +91,7 @@ def test_each_is_a_row_of_the_table(columns: Path, tmp_path: Path) -> None:
     assert rows[0]["payload"] == '{"goal": [1.0, 2.0], "risk": 0.5}'
 
 
-def test_what_an_agent_says_besides_numbers_is_told_as_it_said_it(log_of: Callable[..., Path]) -> None:
+def test_content_of_messages_besides_numbers_is_recorded_unchanged(log_of: Callable[..., Path]) -> None:
     said = {"word": objects(["fire", "fire", {"at": [1, 2.5]}]), "count": objects([1, True, None])}
     batch = MessageBatch(np.array([1, 1, 2]), said, "word", np.array([0, 2, 0]))
     places, sequences = np.arange(3), np.array([4, 5, 0])

@@ -59,7 +59,7 @@ def test_they_stand_beside_what_is_perceived(tmp_path: Path) -> None:
     )
 
 
-def test_what_was_written_of_another_does_not_hide_from_the_log_whom_others_see(tmp_path: Path) -> None:
+def test_a_belief_about_another_agent_does_not_hide_detections_of_others_from_the_log(tmp_path: Path) -> None:
     def see() -> RangePerception:
         return RangePerception(RangePerception.Parameters(range=50.0))
 

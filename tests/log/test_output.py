@@ -36,7 +36,7 @@ def write(request: pytest.FixtureRequest) -> Callable[..., Any]:
     return write_file if request.param == "file" else write_folder
 
 
-def test_what_is_there_stays_as_it_is_until_the_new_file_is_complete(tmp_path: Path) -> None:
+def test_an_existing_file_stays_until_the_new_one_is_complete(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     path.write_bytes(b"old")
     with whole_file(path) as part:
@@ -60,7 +60,7 @@ def test_a_folder_appears_with_everything_in_it(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt, SystemExit])
-def test_what_was_begun_is_taken_away_whatever_goes_wrong(
+def test_a_partial_file_is_removed_after_any_error(
     tmp_path: Path, error: type[KeyboardInterrupt | SystemExit | ZeroDivisionError]
 ) -> None:
     (tmp_path / "log.mcap").write_bytes(b"old")
@@ -86,9 +86,7 @@ def test_what_was_begun_is_taken_away_whatever_goes_wrong(
     ("place", "sentence"),
     [("missing/out", "its folder does not exist"), ("file/out", "part of its path is not a folder")],
 )
-def test_a_place_that_cannot_be_written_to_is_told(
-    tmp_path: Path, write: Callable[..., Any], place: str, sentence: str
-) -> None:
+def test_an_unwritable_place_is_reported(tmp_path: Path, write: Callable[..., Any], place: str, sentence: str) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError) as caught:
         write(tmp_path / place)
@@ -97,7 +95,7 @@ def test_a_place_that_cannot_be_written_to_is_told(
 
 
 @pytest.mark.usefixtures("ordinary_rights")
-def test_a_folder_without_permission_is_told(tmp_path: Path, write: Any) -> None:
+def test_a_folder_without_permission_is_reported(tmp_path: Path, write: Any) -> None:
     (tmp_path / "kept").mkdir()
     (tmp_path / "kept").chmod(0o500)
     with pytest.raises(OutputError, match="permission denied"):
@@ -115,20 +113,20 @@ except Exception as error:
 
 
 @pytest.mark.parametrize("kind", ["whole_file", "whole_folder"])
-def test_a_file_system_that_may_only_be_read_is_told(tmp_path: Path, kind: str) -> None:
+def test_a_read_only_file_system_is_reported(tmp_path: Path, kind: str) -> None:
     line = [sys.executable, "-c", WRITE.format(kind, 10)]
     done = on_a_small_disk(tmp_path, line, then="mount -o remount,ro .")
     assert done.stdout == "OutputError cannot write out: the file system is read-only\nold\n", done.stderr
 
 
 @pytest.mark.parametrize("kind", ["whole_file", "whole_folder"])
-def test_a_disk_that_fills_up_is_told_and_left_as_it_was(tmp_path: Path, kind: str) -> None:
+def test_a_disk_that_fills_up_is_reported_and_left_as_it_was(tmp_path: Path, kind: str) -> None:
     done = on_a_small_disk(tmp_path, [sys.executable, "-c", WRITE.format(kind, 100_000)])
     assert done.stdout == "OutputError cannot write out: the disk is full\nold\n", done.stderr
 
 
 @pytest.mark.parametrize("kind", ["whole_file", "whole_folder"])
-def test_a_file_larger_than_allowed_is_told_and_left_out(tmp_path: Path, kind: str) -> None:
+def test_a_file_larger_than_allowed_is_reported_and_left_out(tmp_path: Path, kind: str) -> None:
     (tmp_path / "old").write_text("old")
     line = [sys.executable, "-c", WRITE.format(kind, 2000)]
     limit = partial(resource.setrlimit, resource.RLIMIT_FSIZE, (1000, 1000))
@@ -151,7 +149,7 @@ def test_the_source_is_not_overwritten_under_whatever_name(tmp_path: Path) -> No
     assert listing(tmp_path) == ["link.mcap", "log.mcap", "same.mcap"]
 
 
-def test_what_is_no_file_is_not_replaced_by_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_files_are_replaced_by_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     os.mkfifo(tmp_path / "pipe")
     (tmp_path / "folder").mkdir()
     for name, kind in (("pipe", "not a file"), ("folder", "a folder")):

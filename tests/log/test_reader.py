@@ -173,7 +173,7 @@ def test_predictions_are_the_whole_series_of_an_agent_at_each_instant(write: Cal
         ("robot.0", "risk", "has no risk of 'robot.0'"),
     ],
 )
-def test_predictions_that_are_not_there_are_told_at_once(
+def test_missing_predictions_are_reported_at_once(
     write: Callable[..., Path], agent: str, field: str, sentence: str
 ) -> None:
     log = open_log(write("intent", "SeriesRows", []))
@@ -202,7 +202,7 @@ def test_knowledge_is_an_entry_whenever_it_changed(write: Callable[..., Path]) -
 @pytest.mark.parametrize(
     "message", [v1.Knowledge(rows=[3], values=["{}"]), v1.Knowledge(rows=[0], values=[]), v1.Knowledge(values=["{"])]
 )
-def test_knowledge_that_does_not_fit_is_told(write: Callable[..., Path], message: Knowledge) -> None:
+def test_unsuitable_knowledge_is_reported(write: Callable[..., Path], message: Knowledge) -> None:
     log = open_log(write("knowledge", "Knowledge", [(0, message.SerializeToString())]))
     with pytest.raises(LogError, match=r"on /agents/robot/knowledge .* do not fit together"):
         list(log.knowledge())
@@ -231,7 +231,7 @@ def test_the_latency_of_a_message_is_the_time_since_it_was_sent(sample: Path) ->
     assert [entry.latency for entry in open_log(sample).communications()][:2] == [0, STEP]
 
 
-def test_what_is_missing_for_want_of_the_rest_of_the_log_is_told_as_such(sample: Path) -> None:
+def test_values_in_the_missing_part_of_a_log_are_reported_as_such(sample: Path) -> None:
     sample.write_bytes(sample.read_bytes()[:1000])
     log = open_log(sample)
     ask: Callable[[], object]
@@ -258,18 +258,18 @@ def test_the_name_of_a_group_of_one_is_its_agents(sample: Path) -> None:
         ("car", "risk", r"has no risk of 'car' \(no channel /agents/car/risk\); there is state$"),
     ],
 )
-def test_a_series_that_is_not_there_is_told(sample: Path, name: str, field: str, sentence: str) -> None:
+def test_a_missing_series_is_reported(sample: Path, name: str, field: str, sentence: str) -> None:
     with pytest.raises(LogError, match=sentence):
         open_log(sample).series(name, field)
 
 
-def test_a_row_beyond_the_group_is_told(write: Callable[..., Path]) -> None:
+def test_a_row_beyond_the_group_is_reported(write: Callable[..., Path]) -> None:
     log = open_log(write("state", "Rows", [(0, wire.encode_rows([[1.0]], [2**32 - 1]))]))
     with pytest.raises(LogError, match="row 4294967295 of a group of 3"):
         log.series("robot", "state")
 
 
-def test_data_that_are_no_message_are_told(write: Callable[..., Path]) -> None:
+def test_malformed_data_are_reported(write: Callable[..., Path]) -> None:
     log = open_log(write("state", "Rows", [(7, b"\x1a\xff")]))
     with pytest.raises(LogError, match=r"the message on /agents/robot/state at 7 ns in .* is not a symaware\.v1\.Rows"):
         log.series("robot", "state")
@@ -475,7 +475,7 @@ def test_a_log_without_permission_is_refused(sample: Path) -> None:
         open_log(sample)
 
 
-def test_a_log_that_vanishes_is_told(sample: Path) -> None:
+def test_a_log_that_vanishes_is_reported(sample: Path) -> None:
     log = open_log(sample)
     sample.unlink()
     with pytest.raises(LogError, match="there is no file"):

@@ -203,7 +203,7 @@ def test_a_mesh_that_the_log_has_already_is_not_there_twice(tmp_path: Path, post
     assert list(other.attachments) == ["geometry.json", "geometry/cube.obj"]
 
 
-def test_meshes_of_one_name_are_told_apart(tmp_path: Path, post: dict[str, Any]) -> None:
+def test_meshes_with_one_name_are_distinguished(tmp_path: Path, post: dict[str, Any]) -> None:
     (tmp_path / "b").mkdir()
     for name in ("post.urdf", "cube.obj"):
         (tmp_path / "b" / name).write_bytes((tmp_path / name).read_bytes())
@@ -222,7 +222,7 @@ def test_meshes_of_one_name_are_told_apart(tmp_path: Path, post: dict[str, Any])
         {"ground": "low"},
     ],
 )
-def test_geometry_that_makes_no_sense_is_told(change: dict[str, Any]) -> None:
+def test_invalid_geometry_is_reported(change: dict[str, Any]) -> None:
     content = {"ground": None, "bodies": {}, "heights": {}, "articulations": []} | change
     with pytest.raises(LogError, match=r"geometry.json in the log is damaged"):
         geometry_of({"geometry.json": json.dumps(content).encode()})

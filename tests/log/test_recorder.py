@@ -42,14 +42,14 @@ def recorded(components: Mapping[str, Any], count: int, folder: Path) -> Log:
     return open_log(folder / "log.mcap")
 
 
-def test_who_knows_the_world_as_it_is_costs_two_bytes_a_step(tmp_path: Path) -> None:
+def test_an_omniscient_agent_costs_two_bytes_a_step(tmp_path: Path) -> None:
     log = recorded({"see": Present, "go": Drift}, 3, tmp_path)
     messages = list(log.messages("/agents/a/awareness"))
     assert [message.decode().world for message in messages] == [True] * 4
     assert all(len(message.data) == 2 for message in messages)
 
 
-def test_who_knows_the_world_as_it_was_is_recorded_with_what_it_knows(tmp_path: Path) -> None:
+def test_delayed_knowledge_of_the_world_is_recorded_in_full(tmp_path: Path) -> None:
     log = recorded({"see": Late, "go": Drift}, 2, tmp_path)
     messages = [message for message in log.messages("/agents/a/awareness") if message.time >= 2 * STEP]
     truth = log.series("a", "world")

@@ -91,9 +91,7 @@ def test_of_a_log_cut_at_200_random_places_everything_before_the_cut_is_recovere
 
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_whatever_is_damaged_what_is_recovered_is_what_could_be_read(
-    tmp_path: Path, whole: bytes, data: st.DataObject
-) -> None:
+def test_after_any_damage_the_readable_part_is_recovered(tmp_path: Path, whole: bytes, data: st.DataObject) -> None:
     broken = bytearray(whole)
     for _ in range(data.draw(st.integers(1, 4))):
         place = data.draw(st.integers(0, len(whole) - 1))
@@ -166,7 +164,7 @@ def test_the_times_in_the_head_of_a_chunk_which_nothing_guards_are_set_right(tmp
     assert times == (15 * STEP).to_bytes(8, "little") + (19 * STEP).to_bytes(8, "little")
 
 
-def test_a_log_that_is_damaged_again_tells_of_both_losses(tmp_path: Path, whole: bytes) -> None:
+def test_a_log_that_is_damaged_again_reports_both_losses(tmp_path: Path, whole: bytes) -> None:
     path, new, again, last = (tmp_path / f"{name}.mcap" for name in ("cut", "new", "again", "last"))
     path.write_bytes(whole[: places(whole, Opcode.CHUNK)[6][0]])
     recover(open_log(path), new)
@@ -197,7 +195,7 @@ def test_an_outcome_that_is_no_json_is_left_out_and_counted(tmp_path: Path, whol
 @pytest.mark.parametrize("compression", list(CompressionType))
 @pytest.mark.parametrize("chunked", [True, False])
 @pytest.mark.parametrize("summary", [True, False])
-def test_what_is_left_of_other_peoples_logs_is_recovered_as_well(
+def test_damaged_logs_of_other_programs_are_recovered_as_well(
     tmp_path: Path, compression: CompressionType, chunked: bool, summary: bool
 ) -> None:
     path, new = tmp_path / "foreign.mcap", tmp_path / "new.mcap"

@@ -197,6 +197,6 @@ def test_images_are_png_that_others_read(pixels: NDArray[Any]) -> None:
 
 
 @pytest.mark.parametrize("data", [b"", b"\x89PNG\r\n\x1a\n", png.encode(np.zeros((2, 2), np.uint16))[:50]])
-def test_what_is_no_image_is_refused(data: bytes) -> None:
+def test_anything_but_an_image_is_refused(data: bytes) -> None:
     with pytest.raises(ValueError, match="PNG"):
         png.decode(data)

@@ -100,7 +100,7 @@ WORLDS: dict[str, tuple[Any, Mapping[str, Any], set[str]]] = {
 
 
 @pytest.mark.parametrize("use", WORLDS)
-def test_the_log_tells_of_each_entity_what_was_so_in_one_message_for_all(use: str, tmp_path: Path) -> None:
+def test_one_message_has_the_values_of_all_entities(use: str, tmp_path: Path) -> None:
     kind, obstacles, topics = WORLDS[use]
     log, seen = recorded(kind, obstacles, tmp_path / "log.mcap")
     assert {topic for topic in log.channels if topic in SHARED} == topics
@@ -122,7 +122,7 @@ def test_the_log_tells_of_each_entity_what_was_so_in_one_message_for_all(use: st
     assert "/world/post/state" not in log.topics
 
 
-def test_who_rests_is_left_out(tmp_path: Path) -> None:
+def test_a_resting_entity_is_left_out(tmp_path: Path) -> None:
     obstacles = {
         "still": Obstacle(shape=BALL, position=[9, 9], mass=1.0),
         "moves": Obstacle(shape=BALL, position=[5, 5], velocity=[1, 0], mass=1.0),
@@ -206,7 +206,7 @@ def test_a_channel_of_an_entity_wins_over_one_that_it_shares(tmp_path: Path) -> 
         wire.encode_rows([[1, 1]] * 2),
     ],
 )
-def test_a_message_that_does_not_fit_its_entities_is_told_of(content: bytes, tmp_path: Path) -> None:
+def test_a_message_that_does_not_fit_its_entities_is_reported(content: bytes, tmp_path: Path) -> None:
     log = written(tmp_path / "log.mcap", ("/world/plane", BOTH, 7, content))
     with pytest.raises(LogError, match=r"/world/plane at 7 ns in .*log.mcap does not fit"):
         log.series("one", "world")

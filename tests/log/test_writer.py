@@ -125,7 +125,7 @@ def test_timing_does_not_shift_the_sequences_of_the_others(tmp_path: Path) -> No
     assert sequences[0] == sequences[1] == [(time, time) for time in range(10)]
 
 
-def test_what_was_flushed_is_in_the_file(tmp_path: Path) -> None:
+def test_flushed_messages_are_in_the_file(tmp_path: Path) -> None:
     writer = LogWriter(tmp_path / "log.mcap")
     channel = writer.channel("/state", "Rows")
     writer.add(channel, 0, wire.encode_rows([[1.0]]))
@@ -139,7 +139,7 @@ def test_what_was_flushed_is_in_the_file(tmp_path: Path) -> None:
     writer.abort()
 
 
-def test_what_was_added_reaches_the_disk_while_nobody_adds_more(tmp_path: Path) -> None:
+def test_added_messages_reach_the_disk_without_further_ones(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "log.mcap", flush_interval=0.01) as writer:
         channel = writer.channel("/state", "Rows")
         writer.flush_in_background()
@@ -264,7 +264,7 @@ def test_a_log_without_permission_says_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="only Linux has /dev/full")
-def test_a_full_disk_is_told_at_once() -> None:
+def test_a_full_disk_is_reported_at_once() -> None:
     with pytest.raises(LogError, match="cannot write the log /dev/full: the disk is full"):
         LogWriter("/dev/full")
 
@@ -303,7 +303,7 @@ except LogError as error:
 
 
 @pytest.mark.parametrize("limit", [100_000, 54_321, 30_000])
-def test_a_disk_that_fills_up_is_told_once_and_what_was_flushed_stays_readable(tmp_path: Path, limit: int) -> None:
+def test_a_disk_that_fills_up_is_reported_once_and_flushed_messages_stay_readable(tmp_path: Path, limit: int) -> None:
     path = tmp_path / "log.mcap"
     run = subprocess.run([sys.executable, "-c", FILL, str(limit), str(path)], capture_output=True, text=True)
     *flushed, sentence = run.stdout.splitlines()
@@ -317,7 +317,7 @@ def test_a_disk_that_fills_up_is_told_once_and_what_was_flushed_stays_readable(t
     assert log.damage.unread_bytes == 0, "the writer left half a record"
 
 
-def test_a_limit_that_stops_even_the_beginning_is_told(tmp_path: Path) -> None:
+def test_a_limit_that_stops_even_the_beginning_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "log.mcap"
     run = subprocess.run([sys.executable, "-c", FILL, "20", str(path)], capture_output=True, text=True)
     assert run.returncode == 1, run.stderr
@@ -326,7 +326,7 @@ def test_a_limit_that_stops_even_the_beginning_is_told(tmp_path: Path) -> None:
         open_log(path)
 
 
-def test_a_device_that_fails_while_finishing_is_told_and_hides_nothing(
+def test_a_device_that_fails_while_finishing_is_reported_and_hides_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     writer = LogWriter(tmp_path / "log.mcap")

@@ -285,7 +285,7 @@ def test_the_host_keeps_what_it_sent_since_the_last_checkpoint(monkeypatch: pyte
     assert sent.after(5) is None
 
 
-def test_what_the_host_keeps_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_memory_of_the_host_is_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sent_frames, "_MOST", 100)
     sent = SentFrames()
     sent.add(b"step", 0)

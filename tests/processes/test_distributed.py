@@ -59,7 +59,7 @@ def crossings(tmp_path_factory: pytest.TempPathFactory, scenarios: Path) -> tupl
     return whole, runs
 
 
-def test_what_three_processes_record_together_is_what_one_records(crossings: tuple[Log, list[Spread]]) -> None:
+def test_the_records_of_three_processes_equal_those_of_one(crossings: tuple[Log, list[Spread]]) -> None:
     whole, runs = crossings
     merged = runs[0].merged()
     assert differences(whole, merged) == {}
@@ -76,7 +76,7 @@ def test_the_host_records_the_world_as_one_process_does_to_the_byte(crossings: t
     assert world(whole) == world(open_log(runs[0].log("host")))
 
 
-def test_a_part_tells_of_its_own_agents_only(crossings: tuple[Log, list[Spread]]) -> None:
+def test_a_part_records_its_own_agents_only(crossings: tuple[Log, list[Spread]]) -> None:
     _, runs = crossings
     east, host = (open_log(runs[0].log(name)) for name in ("east", "host"))
     assert {row for message in east.messages(["/agents/robot/control"]) for row in message.decode().rows} == {
@@ -91,7 +91,9 @@ def test_a_part_tells_of_its_own_agents_only(crossings: tuple[Log, list[Spread]]
     }
 
 
-def test_who_came_first_does_not_show_and_every_run_gives_the_same_bytes(crossings: tuple[Log, list[Spread]]) -> None:
+def test_the_order_of_joining_does_not_show_and_every_run_gives_the_same_bytes(
+    crossings: tuple[Log, list[Spread]],
+) -> None:
     _, (first, second) = crossings
     for name in ("host", "west", "east"):
         assert messages(open_log(first.log(name))) == messages(open_log(second.log(name)))
@@ -571,7 +573,7 @@ def test_a_host_that_stands_still_for_too_long_finds_its_members_again(
 
 
 @pytest.mark.slow
-def test_who_comes_back_takes_up_periods_and_faults_where_the_run_is(
+def test_a_member_that_comes_back_continues_periods_and_faults_of_the_run(
     spread: Callable[..., Spread], doubles: Path
 ) -> None:
     document = copy.deepcopy(TALK)
@@ -639,7 +641,7 @@ def _inputs(row: int, value: float = 0.0) -> dict[str, tuple[NDArray[np.intp], N
         (Welcome(0, 0, 0.0, 0.0), "a member does not say Welcome"),
     ],
 )
-def test_who_says_what_a_member_cannot_say_is_sent_off_and_the_run_goes_on(
+def test_a_member_with_an_impossible_message_is_disconnected_and_the_run_goes_on(
     spread: Callable[..., Spread], frame: Report, objection: str
 ) -> None:
     document = goal_seekers(distance=1000.0, on_failure="isolate")

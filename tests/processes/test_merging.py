@@ -270,7 +270,7 @@ def texts(log: Log) -> list[tuple[int, str]]:
     return [(each.time, each.text) for each in log.events()]
 
 
-def test_what_several_parts_tell_is_written_once_and_what_one_tells_twice_stays_twice(tmp_path: Path) -> None:
+def test_records_of_several_parts_are_written_once_and_repeated_ones_of_one_part_stay(tmp_path: Path) -> None:
     host = write_events(tmp_path / "h.mcap", "host", [(1, "a"), (1, "a"), (1, "b"), (2, "a")], host=True)
     one = write_events(tmp_path / "1.mcap", "one", [(1, "b"), (1, "a"), (1, "c"), (2, "a"), (2, "a"), (2, "a")])
     two = write_events(tmp_path / "2.mcap", "two", [(1, "c"), (1, "a"), (1, "a"), (1, "a"), (2, "b"), (3, "a")])
@@ -425,9 +425,7 @@ def test_chunks_and_attachments_that_are_damaged_are_left_out_and_told(
     assert found.attachments["resolved.yaml"] == open_log(sample).attachments["resolved.yaml"]
 
 
-def test_what_was_lost_before_a_part_was_recovered_is_not_forgotten(
-    sample: Path, parts: list[Path], tmp_path: Path
-) -> None:
+def test_losses_before_the_recovery_of_a_part_are_kept(sample: Path, parts: list[Path], tmp_path: Path) -> None:
     parts[2].write_bytes(parts[2].read_bytes()[: open_log(parts[2]).index.spans[4].offset])
     assert called(["recover", parts[2], "--output", tmp_path / "sound.mcap"])[0] == 3
     log = joined([*parts[:2], tmp_path / "sound.mcap"], tmp_path / "whole.mcap")
@@ -513,7 +511,7 @@ def test_a_manifest_that_does_not_say_whose_part_it_is_is_refused(tmp_path: Path
     assert said == "the manifest in a.mcap is damaged: leave it out"
 
 
-def test_what_is_no_log_of_ours_is_refused(parts: list[Path], tmp_path: Path) -> None:
+def test_a_log_of_another_program_is_refused(parts: list[Path], tmp_path: Path) -> None:
     foreign, early = tmp_path / "foreign.mcap", tmp_path / "early.mcap"
     with open(foreign, "wb") as file:
         writer = Writer(file)
@@ -536,7 +534,7 @@ def test_no_part_is_overwritten(parts: list[Path], tmp_path: Path) -> None:
     assert [path.read_bytes() for path in parts] == before
 
 
-def test_a_place_that_cannot_be_written_to_is_told_by_its_name(parts: list[Path], tmp_path: Path) -> None:
+def test_an_unwritable_place_is_reported_by_its_name(parts: list[Path], tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"cannot write .*missing/whole.mcap: its folder does not exist"):
         merge(open_process_logs(parts), tmp_path / "missing" / "whole.mcap")
 

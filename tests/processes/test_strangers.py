@@ -145,7 +145,7 @@ def test_silent_peers_do_not_keep_members_out(spread: Callable[..., Spread]) -> 
     assert {"the host takes no more than 8 members"} <= set(crowd.reasons)
 
 
-def test_who_does_not_say_what_it_wants_is_sent_off(spread: Callable[..., Spread]) -> None:
+def test_a_connection_without_a_request_is_refused(spread: Callable[..., Spread]) -> None:
     run = spread(goal_seekers(), "--set", "transport.with.hang_timeout=1.5")
     run.host("--only", "ticker").wait_for("waits at")
     with (
@@ -156,7 +156,7 @@ def test_who_does_not_say_what_it_wants_is_sent_off(spread: Callable[..., Spread
         wire.hear()
 
 
-def test_who_needs_some_seconds_to_say_what_it_wants_is_admitted(spread: Callable[..., Spread]) -> None:
+def test_a_connection_with_a_slow_request_is_admitted(spread: Callable[..., Spread]) -> None:
     run = spread(goal_seekers())
     run.host("--only", "ticker,robot.1").wait_for("waits at")
     hello = Hello("slow", hashlib.sha256(build(run.scenario).resolved).digest(), __version__, ("robot.0",))
@@ -185,7 +185,7 @@ def test_bad_frames_are_one_event_with_their_number(spread: Callable[..., Spread
     assert len(rejected[0].text) < 300
 
 
-def test_who_holds_the_interpreter_lock_is_waited_for(spread: Callable[..., Spread]) -> None:
+def test_a_process_that_holds_the_interpreter_lock_is_waited_for(spread: Callable[..., Spread]) -> None:
     document = goal_seekers(distance=2.0, timeout=1.0)
     document["agents"]["robot"]["components"]["hold"] = {"use": "doubles.holder"}
     run = spread(document)
@@ -195,7 +195,7 @@ def test_who_holds_the_interpreter_lock_is_waited_for(spread: Callable[..., Spre
     assert not [each for each in open_log(host.log).events() if each.name == "lost"]
 
 
-def test_members_are_told_why_the_host_cannot_go_on(spread: Callable[..., Spread]) -> None:
+def test_members_receive_the_reason_why_the_host_cannot_go_on(spread: Callable[..., Spread]) -> None:
     run = spread(goal_seekers(wait=0.02, distance=1000.0))
     host, west = run.host("--only", "ticker,robot.1"), run.member("west", "robot.0")
     west.wait_for("west takes part")

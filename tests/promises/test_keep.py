@@ -114,7 +114,7 @@ def test_a_body_in_a_physics_world_keeps_its_promise() -> None:
         ({"promise": "stay", "of": "eve"}, "of", "there is no agent"),
     ],
 )
-def test_what_cannot_be_kept_is_refused_at_its_place(keep: dict[str, Any], place: str, said: str) -> None:
+def test_an_unkeepable_promise_is_refused_at_its_place(keep: dict[str, Any], place: str, said: str) -> None:
     with pytest.raises(sa.ScenarioError) as refused:
         sa.scenario(drives(faults={"k": {"at": 0.0, "keep": keep}}))
     problems = {each.path: each.message for each in refused.value.problems}

@@ -48,7 +48,7 @@ def test_a_greater_confidence_waits_for_more_evidence() -> None:
     assert times[0] < times[-1]
 
 
-def test_the_event_is_what_an_offline_check_of_the_recorded_beliefs_finds(tmp_path: Path) -> None:
+def test_the_event_agrees_with_an_offline_check_of_the_recorded_beliefs(tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     sa.scenario(promising(speed=0.9)).run(output=path)
     log = sa.open_log(path)

@@ -75,7 +75,7 @@ def test_a_message_is_recorded_with_its_stages(tmp_path: Path) -> None:
     assert told[0].payload == {"promises": {"stay": {"formula": "always inside(position, red)", "confidence": 0.99}}}
 
 
-def test_others_are_told_nothing() -> None:
+def test_promises_are_sent_to_the_named_agents_only() -> None:
     content = telling()
     content["agents"]["eve"] = {"model": {"use": "single-integrator"}, "state": [8.0, 8.0], "components": {}}
     content["agents"]["bob"]["count"] = 2

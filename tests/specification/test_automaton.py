@@ -130,7 +130,7 @@ def test_a_verdict_is_decided_exactly_when_no_way_to_go_on_changes_it(seed: int)
         (Always(0, None, Eventually(0, None, A)), 0),
     ],
 )
-def test_what_holds_by_logic_alone_is_decided_at_once(formula: Formula, verdict: int) -> None:
+def test_tautologies_are_decided_at_once(formula: Formula, verdict: int) -> None:
     automaton = Automaton(formula, 1)
     assert set(automaton.verdicts[automaton.transitions[0]].tolist()) == {verdict}
 
@@ -150,7 +150,7 @@ def test_rows_are_followed_apart_and_some_can_be_selected() -> None:
         (A, 11, "11 propositions, and 10 at most"),
     ],
 )
-def test_what_has_no_automaton_is_refused(formula: Formula, propositions: int, said: str) -> None:
+def test_formulas_without_an_automaton_are_refused(formula: Formula, propositions: int, said: str) -> None:
     with pytest.raises(AutomatonError, match=said):
         Automaton(formula, propositions)
 

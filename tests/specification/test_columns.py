@@ -133,7 +133,7 @@ def test_functions_give_the_same_for_one_agent_and_for_many(text: str) -> None:
         ('speed["x"] > 1', "has no element 'x'"),
     ],
 )
-def test_what_has_no_robustness_says_why(text: str, said: str) -> None:
+def test_a_missing_robustness_has_a_reason(text: str, said: str) -> None:
     with pytest.raises((KindError, KeyError), match=said):
         robustness(tree(text))(VALUES.__getitem__)
 

@@ -62,7 +62,7 @@ def holds(text: str) -> bool:
         ("signed_distance(position, disc)", 2),
     ],
 )
-def test_what_a_number_is(text: str, expected: int) -> None:
+def test_numbers(text: str, expected: int) -> None:
     assert value(text) == pytest.approx(expected)
 
 
@@ -89,7 +89,7 @@ def test_what_a_number_is(text: str, expected: int) -> None:
         ("(ready implies x < 0) implies false", True),
     ],
 )
-def test_what_holds(text: str, expected: bool) -> None:
+def test_true_conditions(text: str, expected: bool) -> None:
     assert holds(text) is expected
 
 
@@ -138,7 +138,7 @@ def test_the_right_half_is_not_looked_at_where_the_left_one_decides() -> None:
         ("(" * 40 + "x" + ")" * 40, "the expression is nested too deeply", None),
     ],
 )
-def test_what_is_no_expression_is_told_at_its_place(text: str, problem: str, marked: str | None) -> None:
+def test_invalid_expressions_are_reported_at_their_place(text: str, problem: str, marked: str | None) -> None:
     with pytest.raises(ExpressionError) as caught:
         Expression(text, VALUES)
     assert problem in caught.value.problem
@@ -163,7 +163,7 @@ def test_what_is_no_expression_is_told_at_its_place(text: str, problem: str, mar
         ("knowledge > 1", "a table is not a number"),
     ],
 )
-def test_what_has_no_value_says_why(text: str, said: str) -> None:
+def test_a_missing_value_has_a_reason(text: str, said: str) -> None:
     with pytest.raises(EvaluationError, match=re.escape(said)) as caught:
         holds(text)
     assert f"`{text}`" in str(caught.value)
@@ -196,6 +196,6 @@ def test_arithmetic_is_that_of_python(left: str, right: str, sign: str) -> None:
 
 
 def test_every_function_is_documented_by_an_example() -> None:
-    text = " ".join(line for case in untyped(test_what_a_number_is).pytestmark[0].args[1] for line in case[:1])
-    text += " ".join(case[0] for case in untyped(test_what_holds).pytestmark[0].args[1])
+    text = " ".join(line for case in untyped(test_numbers).pytestmark[0].args[1] for line in case[:1])
+    text += " ".join(case[0] for case in untyped(test_true_conditions).pytestmark[0].args[1])
     assert all(f"{name}(" in text for name in FUNCTIONS)

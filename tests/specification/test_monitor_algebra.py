@@ -46,7 +46,7 @@ def last(first: int, width: int | None) -> int | None:
 
 @settings(max_examples=60, deadline=None)
 @given(seeds, firsts, widths)
-def test_what_does_not_always_hold_fails_eventually(seed: int, first: int, width: int | None) -> None:
+def test_the_negation_of_always_is_eventually_not(seed: int, first: int, width: int | None) -> None:
     one, _, samples = drawn(seed)
     end = last(first, width)
     same(Not(Always(first, end, one)), Eventually(first, end, Not(one)), samples)
@@ -62,7 +62,7 @@ def test_conjunction_and_disjunction_are_dual(seed: int) -> None:
 
 @settings(max_examples=60, deadline=None)
 @given(seeds, widths)
-def test_what_is_not_reached_is_released(seed: int, width: int | None) -> None:
+def test_the_negation_of_until_is_a_release(seed: int, width: int | None) -> None:
     left, right, samples = drawn(seed)
     neither = And((Not(left), Not(right)))
     released = Or((Always(0, width, Not(right)), Until(0, width, Not(right), neither)))

@@ -54,7 +54,7 @@ def tree(text: str) -> Node:
         ("2 ** -a ** b", "2 ** (-(a ** b))"),
     ],
 )
-def test_what_binds_more_tightly(text: str, bracketed: str) -> None:
+def test_precedence_of_operators(text: str, bracketed: str) -> None:
     assert tree(text) == tree(bracketed)
 
 
@@ -78,7 +78,7 @@ def test_what_binds_more_tightly(text: str, bracketed: str) -> None:
         ("()", "the brackets are empty", "()"),
     ],
 )
-def test_what_is_wrong_is_reported_at_its_place(text: str, problem: str, marked: str) -> None:
+def test_problems_are_reported_at_their_place(text: str, problem: str, marked: str) -> None:
     with pytest.raises(ExpressionError) as caught:
         tree(text)
     assert problem in caught.value.problem

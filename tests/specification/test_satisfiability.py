@@ -44,5 +44,5 @@ def test_formulas_over_forty_instants(formula: Formula, expected: bool) -> None:
     assert can_be_satisfied(formula, 2, 40) is expected
 
 
-def test_what_takes_too_long_is_left_open() -> None:
+def test_formulas_beyond_the_budget_stay_open() -> None:
     assert can_be_satisfied(Always(0, None, Next(P)), 1, 10**9) is None

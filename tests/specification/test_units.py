@@ -30,7 +30,7 @@ def tree(text: str) -> Node:
         "norm(position) + 1 < max(nearest, 3)",
     ],
 )
-def test_what_goes_together(text: str) -> None:
+def test_compatible_units(text: str) -> None:
     check_units(tree(text), UNITS)
 
 
@@ -44,7 +44,7 @@ def test_what_goes_together(text: str) -> None:
         ("distance(position, heading) > 1", r"distance\(...\) takes m with 1", "distance(position, heading)"),
     ],
 )
-def test_what_does_not_go_together_is_reported_at_its_place(text: str, said: str, marked: str) -> None:
+def test_incompatible_units_are_reported_at_their_place(text: str, said: str, marked: str) -> None:
     with pytest.raises(ExpressionError, match=said) as caught:
         check_units(tree(text), UNITS)
     assert text[caught.value.start : caught.value.end] == marked
@@ -57,6 +57,6 @@ def test_units_are_read_and_written(unit: str, same: str) -> None:
     assert written(found) == same
 
 
-def test_what_is_no_unit_is_not_known() -> None:
+def test_unknown_units() -> None:
     assert unit_of("") is None
     assert unit_of("§") is None

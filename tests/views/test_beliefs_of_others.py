@@ -61,7 +61,7 @@ def test_a_belief_begins_with_the_position() -> None:
     assert (times.tolist(), counts.tolist(), mine.tolist()) == ([0, 50], [2, 1], [0, 1, 2])
 
 
-def test_whoever_a_message_leaves_out_believes_what_it_believed() -> None:
+def test_agents_that_a_message_leaves_out_keep_their_beliefs() -> None:
     entries = [(0, message([1, 1], [1, 0], 2, [[1, 1], [2, 2]])), (50, message([0], [], 2, [], [1]))]
     beliefs = read(entries, 2, [0, 1])
     assert beliefs.of(0)[0].tolist() == [0]
@@ -69,7 +69,7 @@ def test_whoever_a_message_leaves_out_believes_what_it_believed() -> None:
     assert (times.tolist(), counts.tolist()) == ([0, 50], [1, 0])
 
 
-def test_who_knows_the_world_has_no_beliefs_that_differ_from_it() -> None:
+def test_an_omniscient_agent_has_no_beliefs_that_differ_from_the_world() -> None:
     entries = [
         (0, message([1], [1], 2, [[1, 1]], [0])),
         (50, others_message.decode_awareness(others_message.WHOLE_WORLD)),

@@ -88,7 +88,7 @@ def test_a_log_says_the_same_however_it_is_cut(story: Story, cut: set[int]) -> N
 
 
 @given(stories)
-def test_whoever_is_left_out_keeps_what_it_had(story: Story) -> None:
+def test_agents_that_are_left_out_keep_their_values(story: Story) -> None:
     known = np.full((COUNT, 2), np.nan)
     held: list[list[float]] = [[]] * COUNT
     chunk_reader, time = ChunkReader(COUNTS), 0
@@ -114,7 +114,7 @@ def test_whoever_is_left_out_keeps_what_it_had(story: Story) -> None:
         assert last == [value for values in held for value in values]
 
 
-def test_a_series_without_points_for_everybody_empties_what_was_there() -> None:
+def test_a_series_without_points_for_any_agent_clears_the_previous_one() -> None:
     chunk_reader = ChunkReader(COUNTS)
     chunk_reader.take(SERIES, 0, series([1, 1, 1]))
     chunk_reader.take(SERIES, 1, wire.decode_series(wire.encode_series([], np.empty((3, 0, 1)))))
@@ -137,7 +137,7 @@ def test_values_at_other_instants_are_those_that_held_then() -> None:
     assert found[:, 0, 0].tolist() == [1.0, 1.0, 1.0]
 
 
-def test_what_is_known_stays_known_in_chunks_that_say_nothing_of_it() -> None:
+def test_known_values_stay_known_in_chunks_without_them() -> None:
     chunk_reader = ChunkReader(COUNTS)
     chunk_reader.take(TABLE, 10, rows([[1, 1], [2, 2], [3, 3]]))
     chunk_reader.drain()

@@ -70,6 +70,6 @@ def test_a_thousand_tabs_are_too_many() -> None:
     assert f"the first {FEW} of 1000" in detail.words
 
 
-def test_nobody_of_that_name_is_told_with_the_nearest() -> None:
+def test_an_unknown_name_is_reported_with_the_nearest() -> None:
     with pytest.raises(LogError, match=r"there is no agent 'robt.1'; did you mean 'robot.1'\?"):
         detail_of(run_view(robot=3), ["robt.1"])

@@ -38,7 +38,7 @@ def test_the_turned_half_sizes_make_the_covariance_again(seed: int, dimension: i
         assert (half_sizes[:, 2] == 0).all()
 
 
-def test_what_is_not_known_has_no_size() -> None:
+def test_an_unknown_covariance_has_no_size() -> None:
     half_sizes, quaternions = ellipsoids(np.array([np.full((2, 2), np.nan), np.eye(2)]))
     assert half_sizes[0].tolist() == [0, 0, 0]
     assert np.isfinite(quaternions).all()

@@ -78,7 +78,7 @@ def test_the_head_of_an_arrow_is_at_the_receiver(script: Script, tmp_path: Path)
     assert (line[:, 2] > 0.5).all()
 
 
-def test_what_is_lost_is_red_and_breaks_off_on_its_way(script: Script, tmp_path: Path) -> None:
+def test_a_lost_message_is_red_and_its_arrow_ends_on_the_way(script: Script, tmp_path: Path) -> None:
     script.message(4 * STEP, "mast", "car", stage=DROPPED, sent_time=STEP)
     _, (line,), colours = shown(saved(script.finish(), tmp_path))[0]
     assert colours == [packed(LOSS)]
@@ -97,7 +97,7 @@ def test_of_a_link_the_latest_message_is_shown_and_both_ways_are_apart(script: S
     assert [len(lines) for lines, _ in found.values()] == [2] * 6 + [1] * 2 + [0]
 
 
-def test_nobody_who_is_nowhere_says_anything(script: Script, tmp_path: Path) -> None:
+def test_agents_without_a_position_send_nothing(script: Script, tmp_path: Path) -> None:
     script.message(0, "mast", "car", sent_time=0)
     assert all(step > 0 for step, lines, _ in shown(saved(script.finish(), tmp_path)) if lines)
 
@@ -138,7 +138,7 @@ def test_arrows_may_point_anywhere(draw: Callable[..., NDArray[np.float64]]) -> 
     )
 
 
-def test_who_was_told_and_who_told_has_a_dot_from_then_on(tmp_path: Path) -> None:
+def test_senders_and_receivers_have_a_dot_from_then_on(tmp_path: Path) -> None:
     script = Script(tmp_path / "a.mcap", {"a": group("a.0", "a.1", "a.2"), "car": group("car")})
     for step in range(4):
         script.say("/world/a/state", step * STEP, wire.encode_rows([[step, 0], [step, 1], [step, 2]]), "Rows")

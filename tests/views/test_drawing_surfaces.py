@@ -148,7 +148,7 @@ def test_a_quadrotor_leans_as_its_state_says(logged: Log, recording: Recording) 
 
 
 @pytest.mark.parametrize(("name", "low", "high"), [("post", 0.0, 1.5), ("tank", 3.25, 4.75)])
-def test_what_has_no_height_stands_on_the_ground_and_else_around_its_middle(
+def test_bodies_without_a_height_stand_on_the_ground_and_others_around_their_middle(
     recording: Recording, name: str, low: float, high: float
 ) -> None:
     path = entity(recording, f"/world/scenery/{name}/")

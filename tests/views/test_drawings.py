@@ -185,7 +185,7 @@ def test_a_group_without_recorded_truth_is_drawn_where_it_believes_to_be(tmp_pat
 
 
 @pytest.mark.parametrize("kind", ["cylinder", "mesh"])
-def test_what_is_round_from_above_has_its_radius(kind: str, tmp_path: Path) -> None:
+def test_a_shape_that_is_round_from_above_has_its_radius(kind: str, tmp_path: Path) -> None:
     more = {"height": 1.0} if kind == "cylinder" else {"file": "a.stl"}
     script = Script(tmp_path / "a.mcap", {"a": group("a", shape={kind: {"radius": 0.7, **more}})})
     script.say("/world/a/state", 0, wire.encode_rows([[0, 0]]), "Rows")
@@ -305,7 +305,7 @@ def test_ghosts_stand_where_others_are_believed_to_be(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("names", [("risk", "separation"), ("scenery", "messages"), ("contacts", "agents")])
-def test_agents_may_be_called_like_what_is_shown_besides(names: tuple[str, str], tmp_path: Path) -> None:
+def test_agents_may_have_names_of_parts_of_the_display(names: tuple[str, str], tmp_path: Path) -> None:
     pillar = {"shape": {"circle": {"radius": 1}}, "position": [0, 3], "heading": 0.0}
     script = Script(tmp_path / "a.mcap", {name: group(name, shape=DISC) for name in names}, {"body": pillar})
     for row, name in enumerate(names):

@@ -318,7 +318,7 @@ def test_entities_that_move_have_frames_as_well(write: Callable[..., Path], tmp_
     assert messages["/scenery"][0][1].entities[0].frame_id == "cart"
 
 
-def test_who_tilts_has_a_frame_that_tilts(tmp_path: Path) -> None:
+def test_a_tilting_body_has_a_tilting_frame(tmp_path: Path) -> None:
     state = [0.0, 0.0, 1.0, 0.3, -0.2, 0.7, *[0.0] * 6]
     simulate({"drone": Team(count=1, state=[state], model=Quadrotor())}, 1, tmp_path / "tilt.mcap")
     _, frames = exported(tmp_path / "tilt.mcap", tmp_path)["/tf/drone"][0]
@@ -337,7 +337,7 @@ def test_where_the_truth_was_not_recorded_bodies_follow_the_belief(write: Callab
     assert places == [[1.0, 4.0], [1.0, 9.0]]
 
 
-def test_a_message_that_does_not_fit_is_told_with_its_place(write: Callable[..., Path], tmp_path: Path) -> None:
+def test_a_malformed_message_is_reported_with_its_place(write: Callable[..., Path], tmp_path: Path) -> None:
     states = wire.encode_rows([[1.0, 2.0, 0.0]], [7])
     log = open_log(write((5, "/world/robot/state", "Rows", states)))
     with pytest.raises(LogError, match=r"the messages on /world/robot/state in .* do not fit together: at 5 ns"):
@@ -345,7 +345,7 @@ def test_a_message_that_does_not_fit_is_told_with_its_place(write: Callable[...,
     assert [path.name for path in tmp_path.iterdir()] == ["hand.mcap"]
 
 
-def test_a_folder_that_is_missing_is_told_and_nothing_is_left(crossing: Path, tmp_path: Path) -> None:
+def test_a_missing_folder_is_reported_and_leaves_no_file(crossing: Path, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="its folder does not exist"):
         export_foxglove(open_log(crossing), tmp_path / "nowhere" / "out.mcap")
     assert list(tmp_path.iterdir()) == []
@@ -397,7 +397,7 @@ def test_images_are_shown_as_they_were_taken(sensing: tuple[Log, Messages]) -> N
         np.testing.assert_allclose(pixels[pixels > 0] / 1e3, depth[pixels > 0], atol=1e-9)
 
 
-def test_the_lens_puts_what_a_camera_sees_where_it_stands(sensing: tuple[Log, Messages]) -> None:
+def test_the_lens_maps_bodies_to_their_places(sensing: tuple[Log, Messages]) -> None:
     """A pixel and its depth, through the lens and the frame of the camera, are a point on the front of the crate."""
     log, shown = sensing
     (_, frame), (_, lens) = shown["/tf/robot.0/eye"][0], shown["/camera/robot.0/eye/calibration"][0]

@@ -72,7 +72,7 @@ def test_a_line_that_fades_is_cut_into_pieces_or_has_a_colour_at_each_point(tmp_
     assert len(alphas) == len(line.points) == 3
 
 
-def test_what_lasts_is_up_together_with_what_came_before(tmp_path: Path) -> None:
+def test_lasting_marks_are_shown_together_with_earlier_ones(tmp_path: Path) -> None:
     points = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 0.0, 0.0), (1.0, 2.0, 0.0)])
     given: dict[str, Any] = {"points": points, "lengths": [2, 2], "counts": [1, 1], "who": np.array([0, 0])}
     _, messages = shown(tmp_path, a_line(**given, lasting=5.0))
@@ -80,7 +80,7 @@ def test_what_lasts_is_up_together_with_what_came_before(tmp_path: Path) -> None
     assert [[(point.x, point.y) for point in line] for line in lines] == [[(0, 0), (1, 0)], [(0, 0), (1, 0), (1, 2)]]
 
 
-def test_what_begins_is_sent_once_where_things_vanish_by_themselves(tmp_path: Path) -> None:
+def test_new_marks_are_sent_once_if_they_expire_by_themselves(tmp_path: Path) -> None:
     points = np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (1.0, 1.0, 0.0)])
     given: dict[str, Any] = {"points": points, "lengths": [2, 2], "counts": [1, 1], "who": np.array([0, 0])}
     recording, messages = shown(tmp_path, a_line(**given, lasting=0.5, begins=np.array([True, False])))
@@ -129,7 +129,7 @@ def test_a_curve_has_a_level_to_compare_with(tmp_path: Path) -> None:
     ]
 
 
-def test_a_backend_passes_over_what_it_has_nothing_for(tmp_path: Path) -> None:
+def test_a_backend_skips_marks_that_it_cannot_show(tmp_path: Path) -> None:
     modes = marks.Modes(path="modes/one", times=TIMES, modes=["on", "off"])
     recording, messages = shown(tmp_path, modes)
     assert recording.values("/modes/one", "StateChange:state") == [["on"], ["off"]]

@@ -40,7 +40,7 @@ def test_a_branch_is_drawn_in_grey_from_where_it_differs(log: Log, tmp_path: Pat
     assert not [entity for entity in recording.entities if entity.startswith("/other") and "heading" in entity]
 
 
-def test_what_the_branch_does_is_drawn_where_it_does_it(log: Log, tmp_path: Path) -> None:
+def test_a_branch_is_drawn_at_its_own_positions(log: Log, tmp_path: Path) -> None:
     other = branched(log, tmp_path)
     recording = saved(log, tmp_path, against=other)
     last = list(other.messages(["/world/robot/state"]))[-1].decode().values

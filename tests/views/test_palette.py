@@ -37,7 +37,7 @@ def test_risk_tints_from_the_own_colour_to_red() -> None:
     assert tinted(own, risks).tolist() == [[0, 100, 200], *[list(RISK)] * 3, [0, 100, 200]]
 
 
-def test_what_fades_ends_in_the_background() -> None:
+def test_fading_colours_end_in_the_background() -> None:
     assert faded(np.array([200, 100, 50], np.uint8), 1.0).tolist() == list(BACKGROUND)
     assert faded(np.array([200, 100, 50], np.uint8), 0.0).tolist() == [200, 100, 50]
 

@@ -65,7 +65,7 @@ def test_a_log_cut_into_small_chunks_makes_the_same_recording(
         assert repr(parts[key]) == repr(rows), key
 
 
-def test_a_stretch_begins_with_what_holds_by_then(log: Log, tmp_path: Path) -> None:
+def test_an_interval_begins_with_the_values_that_hold_then(log: Log, tmp_path: Path) -> None:
     begin, end = 1_020_000_000, 2_000_000_000
     part, whole = saved(log, tmp_path, start=begin, end=end), saved(log, tmp_path)
     times = part.times(*BODY)
@@ -94,12 +94,12 @@ def test_a_contact_that_lasts_into_a_stretch_is_shown_there(tmp_path: Path) -> N
     assert recording.times("/world/contacts", "LineStrips3D:strips")[0] == 5 * STEP
 
 
-def test_nothing_in_a_stretch_is_told(log: Log) -> None:
+def test_an_empty_interval_is_reported(log: Log) -> None:
     with pytest.raises(LogError, match="nothing to show in that interval"):
         replay_session(log, start=10_000_000_000)
 
 
-def test_a_log_that_broke_off_before_its_first_message_is_told(tmp_path: Path) -> None:
+def test_a_log_that_broke_off_before_its_first_message_is_reported(tmp_path: Path) -> None:
     with pytest.raises(LogError, match=r"has nothing to show$"):
         replay_session(Script(tmp_path / "a.mcap", {"a": group("a")}).finish())
 

@@ -54,7 +54,7 @@ def test_each_specification_has_a_curve_for_each_row_and_a_line_at_zero(marks: S
     assert list(curves["curves/specifications/safe"].names) == ["robot.0", "robot.1", "robot.2"]
 
 
-def test_who_violates_a_specification_has_a_ring_from_then_on(marks: Sequence[Mark]) -> None:
+def test_an_agent_that_violates_a_specification_has_a_ring_from_then_on(marks: Sequence[Mark]) -> None:
     rings = {mark.path: mark for mark in marks if isinstance(mark, Rings) and "violations" in mark.path}
     assert set(rings) == {"world/violations/robot.0", "world/violations/robot.1"}
     assert rings["world/violations/robot.1"].times[0] == 2_600_000_000

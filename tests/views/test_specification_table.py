@@ -54,7 +54,7 @@ def test_chunks_do_not_matter(path: Path) -> None:
     assert rows_at(path, 4.0, 5_000) == rows_at(path, 4.0)
 
 
-def test_a_column_names_who_holds_what_is_offered(tmp_path: Path) -> None:
+def test_a_column_names_the_holder_of_each_offer(tmp_path: Path) -> None:
     path = tmp_path / "errands.mcap"
     execute(build(SCENARIO.parent / "errands.yaml"), path)
     events = [event for event in open_log(path).events() if event.name in ("accepted", "released", "rejected")]

@@ -43,7 +43,7 @@ def apart(quaternion: Any, rotation: Rotation) -> float:
     return float((Rotation.from_quat(quaternion) * rotation.inv()).magnitude())
 
 
-def test_the_log_says_how_things_are_tilted(slope: tuple[Log, Path]) -> None:
+def test_the_log_has_the_tilt_of_bodies(slope: tuple[Log, Path]) -> None:
     log, _ = slope
     assert log.manifest["entities"]["ramp"]["pitch"] == 0.5
     assert apart(log.series("crate", "pose").values[0, 3:], Rotation.from_euler("x", 0.7)) < 1e-9
@@ -63,7 +63,7 @@ def test_a_replay_draws_them_tilted(slope: tuple[Log, Path]) -> None:
     assert apart(turned("lift")[-1][0], Rotation.from_euler("ZYX", [0.2 + 0.4 * 0.4, -0.3, 0.0])) < 1e-6
 
 
-def test_foxglove_is_told_that_they_are_tilted(slope: tuple[Log, Path]) -> None:
+def test_foxglove_shows_tilted_bodies(slope: tuple[Log, Path]) -> None:
     log, folder = slope
     export_foxglove(log, folder / "foxglove.mcap")
     messages = read(folder / "foxglove.mcap")

@@ -48,7 +48,7 @@ def test_it_listens_to_all_if_that_is_asked_for() -> None:
         assert running.link.startswith("http://127.0.0.1:")
 
 
-def test_a_port_that_is_taken_is_told_and_nobody_else_is_sent_anything() -> None:
+def test_a_taken_port_is_reported_and_no_other_viewer_receives_data() -> None:
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
         other.listen()
@@ -59,13 +59,13 @@ def test_a_port_that_is_taken_is_told_and_nobody_else_is_sent_anything() -> None
             other.accept()
 
 
-def test_an_address_that_this_machine_does_not_have_is_told() -> None:
+def test_an_address_of_another_machine_is_reported() -> None:
     # Of TEST-NET-1, RFC 5737: nobody's.
     with pytest.raises(ViewerError, match="does not have the address"), viewer(web=True, web_port=0, bind="192.0.2.1"):
         pass
 
 
-def test_without_a_screen_the_way_out_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_screen_the_error_names_a_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("DISPLAY", "WAYLAND_DISPLAY", "WAYLAND_SOCKET"):
         monkeypatch.delenv(name, raising=False)
     with pytest.raises(ViewerError, match="no screen or graphics driver; --web shows"), viewer():
@@ -93,7 +93,7 @@ def test_it_neither_reads_nor_writes_in_the_user_s_home(tmp_path: Path, monkeypa
 
 
 @pytest.mark.parametrize("url", ["", "nonsense", "http://127.0.0.1:9/proxy", "rerun+http://127.0.0.1:99999/proxy"])
-def test_what_is_not_the_url_of_a_viewer_is_told(url: str) -> None:
+def test_a_url_without_a_viewer_is_reported(url: str) -> None:
     with pytest.raises(ViewerError, match="is not the URL of a viewer"):
         require_reachable(url)
 

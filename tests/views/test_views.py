@@ -25,7 +25,7 @@ def test_everybody_is_there_with_body_model_and_colour(tmp_path: Path) -> None:
     assert not run_view.is_spatial
 
 
-def test_who_flies_makes_the_world_one_of_space(tmp_path: Path) -> None:
+def test_a_flying_agent_makes_the_world_spatial(tmp_path: Path) -> None:
     run_view = run_view_of(log_of(tmp_path, AIRCRAFT))
     assert run_view.is_spatial
     assert run_view.group_views["plane"].positions(np.array([[1.0, 2.0, 3.0, 0.5]])).tolist() == [[1.0, 2.0, 3.0]]
@@ -38,7 +38,7 @@ def test_how_far_they_see_is_in_the_scenario_that_the_log_keeps(scenarios: Path,
 
 
 @pytest.mark.parametrize("scenario", [b"", b"[", b"3", b"agents: 3", b"agents: {a: {components: [1]}}", b"\xff"])
-def test_a_scenario_that_says_nothing_of_it_is_no_hindrance(scenario: bytes, tmp_path: Path) -> None:
+def test_a_scenario_without_a_range_of_perception_is_accepted(scenario: bytes, tmp_path: Path) -> None:
     script = Script(tmp_path / "a.mcap", {"a": group("a")})
     script.attach("resolved.yaml", scenario)
     assert run_view_of(script.finish()).group_views["a"].perception_range is None
@@ -50,7 +50,7 @@ def test_where_the_truth_was_left_out_belief_stands_for_it(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("damage", [{"groups": {"a": {"agents": ["a"]}}}, {"entities": {"b": {}}}, {"roster": None}])
-def test_a_manifest_that_lacks_something_is_told(damage: dict[str, Any], tmp_path: Path) -> None:
+def test_an_incomplete_manifest_is_reported(damage: dict[str, Any], tmp_path: Path) -> None:
     from symaware_cli.log.writer import LogWriter
 
     content = {"format": 1, "name": "a", "seed": 1, "groups": {}, "entities": {}, "roster": []} | damage

@@ -51,7 +51,7 @@ WAYS: dict[str, Callable[[Any], object]] = {
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("what", STRANGE)
-def test_what_is_no_real_number_is_refused(what: str, way: str) -> None:
+def test_values_that_are_no_real_numbers_are_refused(what: str, way: str) -> None:
     with pytest.raises(TypeError, match="expected real numbers, not "):
         WAYS[way](STRANGE[what])
 

@@ -81,7 +81,7 @@ def test_philox_is_that_of_its_authors(
             assert (word == wanted).all()
 
 
-def test_what_is_drawn_stays_the_same_from_version_to_version() -> None:
+def test_draws_stay_the_same_from_version_to_version() -> None:
     assert golden() == GOLDEN
 
 
@@ -206,7 +206,7 @@ def draw(group: GroupChance, plan: Sequence[tuple[str, int, str]]) -> list[NDArr
 
 
 @given(rows, rows, plans, st.permutations(range(12)))
-def test_who_else_is_in_the_group_and_in_what_order_changes_nothing(
+def test_other_agents_of_the_group_and_their_order_change_nothing(
     few: int, more: int, plan: list[tuple[str, int, str]], order: list[int]
 ) -> None:
     small, large = (GroupChance(7, "component sense", NUMBERS[:count]).at(Turn(3)) for count in (few, few + more))
@@ -218,7 +218,7 @@ def test_who_else_is_in_the_group_and_in_what_order_changes_nothing(
 
 
 @given(plans, plans)
-def test_what_was_drawn_in_one_turn_changes_nothing_in_the_next(
+def test_draws_of_one_turn_change_nothing_in_the_next(
     before: list[tuple[str, int, str]], plan: list[tuple[str, int, str]]
 ) -> None:
     idle, busy = (GroupChance(7, "component sense", NUMBERS[:3]) for _ in range(2))
@@ -247,7 +247,7 @@ def test_drawing_again_in_a_turn_gives_other_numbers(method: str, width: int, ag
 
 @pytest.mark.parametrize("method", ["standard_normal_of", "uniform_of"])
 @given(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), max_size=20, unique=True), widths, st.data())
-def test_what_is_drawn_about_another_does_not_depend_on_who_else_is_seen(
+def test_draws_about_another_agent_do_not_depend_on_other_seen_agents(
     method: str, seen: list[tuple[int, int]], width: int, data: st.DataObject
 ) -> None:
     observers, others = (
@@ -300,7 +300,7 @@ def test_an_agents_generator_begins_anew_in_each_turn_however_much_was_drawn(pla
 
 
 @pytest.mark.parametrize("drawn", [0, 3])
-def test_what_goes_to_another_process_within_a_turn_goes_on_there(drawn: int) -> None:
+def test_draws_continue_in_another_process_within_a_turn(drawn: int) -> None:
     agent, group = AgentChance(7, "a"), GroupChance(7, "a", NUMBERS[:2])
     agent.at(Turn(3)).random(drawn)
     for _ in range(drawn):
@@ -315,9 +315,7 @@ def test_what_goes_to_another_process_within_a_turn_goes_on_there(drawn: int) ->
 @given(
     st.lists(st.tuples(st.sampled_from([1, 1, 1, 2, 5]), st.booleans(), st.booleans()), max_size=60), st.integers(1, 4)
 )
-def test_what_is_drawn_ahead_for_turns_to_come_is_what_is_drawn_in_them(
-    count: int, plan: list[tuple[int, bool, bool]], width: int
-) -> None:
+def test_draws_ahead_of_turns_equal_draws_in_them(count: int, plan: list[tuple[int, bool, bool]], width: int) -> None:
     group, rows = GroupChance(7, "component sense", NUMBERS[:count]), np.arange(count)
     instant = 0
     for passed, same, twice in plan:

@@ -59,16 +59,14 @@ def test_it_computes_with_the_kernels_of_this_process(child: PythonChild) -> Non
     assert read(child.answers).decode() == f"hello {kernel} {os.getcwd()}"
 
 
-def test_what_it_prints_goes_to_the_standard_error_stream(
-    child: PythonChild, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_its_output_goes_to_the_standard_error_stream(child: PythonChild, capfd: pytest.CaptureFixture[str]) -> None:
     write(child.requests, b"hello")
     read(child.answers)
     out, _ = capfd.readouterr()
     assert out == ""
 
 
-def test_how_it_ended_is_told(child: PythonChild) -> None:
+def test_the_end_of_a_process_is_described(child: PythonChild) -> None:
     write(child.requests, b"die")
     with pytest.raises(EOFError):
         read(child.answers)

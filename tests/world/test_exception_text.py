@@ -49,7 +49,7 @@ def test_causes_are_named_in_the_same_way() -> None:
     assert 'File "/' not in text
 
 
-def test_what_is_nowhere_on_the_path_has_its_name_or_its_path_in_a_known_folder(tmp_path: Path) -> None:
+def test_files_outside_the_path_have_their_name_or_their_path_in_a_known_folder(tmp_path: Path) -> None:
     (tmp_path / "deep").mkdir()
     space: dict[str, object] = {}
     exec(compile("def fail():\n    1 / 0\n", str(tmp_path / "deep" / "alone.py"), "exec"), space)

@@ -40,7 +40,7 @@ def test_values_have_the_distribution(distribution: ProbabilityDistribution, exp
     assert distribution.lowest == pytest.approx(expected.support()[0])
 
 
-def test_what_is_truncated_is_distributed_as_what_lies_within_the_bounds() -> None:
+def test_truncated_draws_are_distributed_like_draws_within_the_bounds() -> None:
     whole, part = of(lognormal=(0.1, 0.5)), of(lognormal=(0.1, 0.5), least=0.08, greatest=0.3)
     within = [value for value in whole.values(POINTS) if 0.08 <= value <= 0.3]
     assert 0.08 <= min(part.values(POINTS)) <= max(part.values(POINTS)) <= 0.3
@@ -78,7 +78,7 @@ def test_options_are_chosen_as_often_as_their_weights_say() -> None:
     assert of(choice="1..3").choice == (1, 2, 3)
 
 
-def test_what_is_always_the_same_is_not_drawn() -> None:
+def test_constants_are_not_drawn() -> None:
     assert not always(0.25).is_drawn
     assert always(0.25).quantile(0.1) == 0.25
     assert [always(value).is_zero for value in (0.0, 1e-12, 1e-9)] == [True, True, False]
@@ -126,6 +126,6 @@ def test_numbers_for_each_element_are_drawn_beside_each_other() -> None:
         ({"normal": (0, 1), "least": 2, "greatest": 1}, "`least` leaves hardly anything"),
     ],
 )
-def test_what_is_no_distribution_is_refused(content: dict[str, Any], problem: str) -> None:
+def test_invalid_distributions_are_refused(content: dict[str, Any], problem: str) -> None:
     with pytest.raises(ValueError, match=problem):
         of(**content)

@@ -27,7 +27,7 @@ def test_the_engine_can_be_had_where_there_is_nothing_to_print_on(closed: str) -
     ],
     ids=["parent"],
 )
-def test_all_that_the_engine_says_about_a_failure_is_told(text: str, said: list[str], tmp_path: Path) -> None:
+def test_the_output_of_the_engine_about_a_failure_is_reported(text: str, said: list[str], tmp_path: Path) -> None:
     path = tmp_path / "robot.urdf"
     path.write_text(f'<robot name="r">{text}</robot>')
     client = engine.connect(engine.DIRECT)

@@ -56,7 +56,7 @@ def test_a_contact_tracker_adds_up_how_hard_until_bodies_part_or_the_time_step_e
 
 
 @pytest.mark.parametrize("shape", [BALL, CRATE, PRISM], ids=lambda shape: next(iter(shape)))
-def test_who_is_in_the_same_place_at_the_start_is_told_of_at_once(
+def test_bodies_in_one_place_at_the_start_are_reported_at_once(
     kind: type[PhysicsEnvironment], shape: dict[str, Any]
 ) -> None:
     obstacles = {name: Obstacle(shape=shape, position=[3.0, 0.0], mass=1.0) for name in ("one", "other")}

@@ -73,7 +73,7 @@ def test_joints_stand_as_they_do_there(both: tuple[Environment, Environment]) ->
             np.testing.assert_allclose(present(follower.joint_positions(name)), there, atol=1e-12)
 
 
-def test_what_is_of_another_world_is_refused(both: tuple[Environment, Environment]) -> None:
+def test_arrays_of_another_world_are_refused(both: tuple[Environment, Environment]) -> None:
     world, follower = both
     shared = {name: np.array(values) for name, values in world.share().items()}
     first = next(iter(shared))

@@ -69,7 +69,7 @@ def test_files_given_two_coordinates_stand_on_the_ground(level: float, mass: flo
         assert environment.body_positions(["robot", "mesh", "lamp"])[:, 2] == pytest.approx(expected, abs=2e-3)
 
 
-def test_who_is_in_the_ground_at_the_start_is_told_of_and_lifted_gently() -> None:
+def test_an_agent_in_the_ground_at_the_start_is_reported_and_lifted_gently() -> None:
     obstacles = {
         "box": Obstacle(shape=CUBE, position=[0, 0, 0.1], mass=1.0),
         "ball": Obstacle(shape=BALL, position=[3, 0, 0.1], mass=1.0),
@@ -91,7 +91,7 @@ def test_who_is_in_the_ground_at_the_start_is_told_of_and_lifted_gently() -> Non
 
 @pytest.mark.parametrize(("shape", "tolerance"), [(BALL, 1e-6), (CUBE, 1e-3), (CAN, 0.03)], ids=["ball", "cube", "can"])
 @pytest.mark.parametrize("elasticity", [1.0, 0.5])
-def test_what_lands_flat_bounces_as_its_elasticity_says_and_its_impulse_tells(
+def test_a_body_that_lands_flat_bounces_by_its_elasticity_with_that_impulse(
     shape: dict[str, Any], tolerance: float, elasticity: float
 ) -> None:
     obstacles = {"thing": Obstacle(shape=shape, position=[0, 0, 1.25], mass=2.0, elasticity=elasticity)}
@@ -121,7 +121,7 @@ def test_a_bounce_without_loss_adds_no_energy() -> None:
 
 
 @pytest.mark.parametrize(("friction", "speed"), [(0.2, 2.0), (0.5, 2.0), (0.8, 3.0), (1.0, 3.0), (0.3, 6.0)])
-def test_what_slides_stops_where_coulomb_has_it(friction: float, speed: float) -> None:
+def test_a_sliding_body_stops_by_coulombs_law(friction: float, speed: float) -> None:
     """v^2 / 2 mu g; R. C. Hibbeler, Engineering Mechanics: Dynamics, section 14.2. It is half a physics step short."""
     obstacles = {"plate": Obstacle(shape=PLATE, position=[0, 0], mass=2.0, friction=friction, velocity=[speed, 0.0])}
     with world(obstacles, time_step=0.02, substeps=5) as environment:

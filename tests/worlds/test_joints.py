@@ -110,7 +110,7 @@ def test_a_pendulum_swings_as_newton_has_it(
 
 
 @pytest.mark.parametrize("mass", [None, 1.0], ids=["fixed base", "free base"])
-def test_what_slides_falls_as_galilei_has_it(mass: float | None, tmp_path: Path) -> None:
+def test_a_sliding_body_falls_by_galileis_law(mass: float | None, tmp_path: Path) -> None:
     limits = '<limit lower="-10" upper="10" effort="1000" velocity="100"/>'
     mechanism(
         tmp_path, link("cart", 2.0), joint("rail", "prismatic", "base", "cart", "0 0 9", axis="0 0 1", more=limits)
@@ -138,7 +138,7 @@ def test_two_links_that_swing_on_each_other_keep_their_energy(tmp_path: Path) ->
     assert np.ptp(energy) < 0.02 * GRAVITY * 3
 
 
-def test_what_a_joint_of_a_fixed_base_moves_meets_others_and_the_ground(tmp_path: Path) -> None:
+def test_links_of_a_robot_with_a_fixed_base_touch_others_and_the_ground(tmp_path: Path) -> None:
     ball = '<collision><origin xyz="0 0 -1"/><geometry><sphere radius="0.2"/></geometry></collision>'
     mechanism(
         tmp_path,
@@ -194,9 +194,7 @@ def test_the_joints_of_who_is_led_are_held(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("mass", [None, 1.0], ids=["fixed base", "free base"])
-def test_what_the_engine_cannot_move_is_refused(
-    parts: list[str], said: str, mass: float | None, tmp_path: Path
-) -> None:
+def test_unsupported_joints_are_refused(parts: list[str], said: str, mass: float | None, tmp_path: Path) -> None:
     mechanism(tmp_path, *parts)
     with pytest.raises(WorldError, match=said) as refused:
         world(tmp_path, mass)

@@ -104,7 +104,7 @@ def test_a_wall_in_space_moves_at_the_height_of_its_path() -> None:
         assert environment.body_positions(["wall"])[0] == pytest.approx([0.5, 0.0, 2.0])
 
 
-def test_what_is_led_stands_on_the_ground_where_its_path_says_no_height() -> None:
+def test_a_body_on_a_path_without_heights_stands_on_the_ground() -> None:
     path = {"times": [0, 1], "positions": [[0, 0], [1, 0]]}
     ground = {"height": 3.0}
     with world(PyBulletEnvironment, {"cart": Obstacle(shape=CRATE, path=path)}, ground=ground) as environment:

@@ -279,7 +279,7 @@ def test_a_glancing_collision_without_friction_keeps_what_goes_along_it(kind: ty
     assert velocities == pytest.approx(np.array([[0.5, -0.5], [0.5, 0.5]]), abs=0.01)
 
 
-def test_what_falls_is_where_galilei_has_it(kind: type[PhysicsEnvironment]) -> None:
+def test_a_falling_body_follows_galileis_law(kind: type[PhysicsEnvironment]) -> None:
     obstacles = {"stone": Obstacle(shape=BALL, position=[0, 0, 0], mass=2.0, velocity=[1.0, 0, 0])}
     gravity = (0, -10.0) if kind is PymunkEnvironment else (0, -10.0, 0)
     with world(kind, obstacles=obstacles, gravity=gravity) as environment:
@@ -327,7 +327,7 @@ def test_a_torque_that_is_limited_takes_its_time(kind: type[PhysicsEnvironment])
 # -- who meets whom
 
 
-def test_who_pushes_harder_wins(kind: type[PhysicsEnvironment]) -> None:
+def test_the_greater_force_wins(kind: type[PhysicsEnvironment]) -> None:
     strong = group(SingleIntegrator(), [-0.3, 0.0], "strong", max_force=20.0, shape=CRATE)
     weak = group(SingleIntegrator(), [0.3, 0.0], "weak", max_force=5.0, shape=CRATE)
     with world(kind, [strong, weak]) as environment:
@@ -337,7 +337,7 @@ def test_who_pushes_harder_wins(kind: type[PhysicsEnvironment]) -> None:
         assert environment.state(weak)[0, 0] - environment.state(strong)[0, 0] == pytest.approx(0.4, abs=0.02)
 
 
-def test_who_has_a_velocity_in_its_state_bounces_and_keeps_what_is_left(kind: type[PhysicsEnvironment]) -> None:
+def test_an_agent_with_a_velocity_in_its_state_bounces_and_keeps_the_rest(kind: type[PhysicsEnvironment]) -> None:
     puck = group(DoubleIntegrator(), [0.0, 0.0, 1.0, 0.5], elasticity=1.0, friction=0.0)
     obstacles = {"wall": Obstacle(shape={"box": {"length": 1, "width": 9}}, position=[1.0, 0.0], elasticity=1.0)}
     with world(kind, [puck], obstacles) as environment:
@@ -350,7 +350,7 @@ def test_who_has_a_velocity_in_its_state_bounces_and_keeps_what_is_left(kind: ty
     assert contacts[0].impulse == pytest.approx(2.0, rel=0.005)
 
 
-def test_what_has_a_path_pushes_what_is_free_and_nothing_diverts_it(kind: type[PhysicsEnvironment]) -> None:
+def test_a_body_on_a_path_pushes_free_bodies_and_is_not_diverted(kind: type[PhysicsEnvironment]) -> None:
     path = {"times": [0, 1, 2], "positions": [[-1, 0], [0, 0], [1, 0]]}
     obstacles = {"bus": Obstacle(shape=CRATE, path=path), "ball": ball(0.0, mass=5.0)}
     with world(kind, obstacles=obstacles) as environment:
@@ -361,7 +361,7 @@ def test_what_has_a_path_pushes_what_is_free_and_nothing_diverts_it(kind: type[P
         assert environment.moves("ball")
 
 
-def test_what_has_no_mass_stays_put(kind: type[PhysicsEnvironment]) -> None:
+def test_a_body_without_mass_stays_in_place(kind: type[PhysicsEnvironment]) -> None:
     rock = Obstacle(shape=CRATE, position=[0.5, 0.0])
     with world(kind, obstacles={"rock": rock, "ball": ball(0.0, 3.0)}) as environment:
         moved(environment, 1.0)
@@ -403,7 +403,7 @@ def test_a_wall_keeps_everybody_in(kind: type[PhysicsEnvironment]) -> None:
         assert np.abs(environment.state(robots)).max() < 0.9
 
 
-def test_who_slides_along_a_wall_from_part_to_part_does_not_get_caught(kind: type[PhysicsEnvironment]) -> None:
+def test_an_agent_that_slides_along_parts_of_a_wall_does_not_get_caught(kind: type[PhysicsEnvironment]) -> None:
     wall = {"wall": {"points": [[-2, 0], [-0.5, 0], [0.5, 0], [2, 0]], "thickness": 0.1}}
     robot = group(SingleIntegrator(), [-1.0, 0.2], max_force=5.0)
     with world(kind, [robot], {"wall": Obstacle(shape=wall, friction=0.0)}) as environment:
@@ -417,7 +417,7 @@ def test_who_slides_along_a_wall_from_part_to_part_does_not_get_caught(kind: typ
     assert len(contacts) == 1 or kind is PymunkEnvironment
 
 
-def test_who_overlaps_at_the_start_is_told_of_and_parted(kind: type[PhysicsEnvironment]) -> None:
+def test_bodies_that_overlap_at_the_start_are_reported_and_separated(kind: type[PhysicsEnvironment]) -> None:
     robots = group(SingleIntegrator(), [[0.0, 0.0], [0.15, 0.0]], max_force=0.01)
     obstacles = {"rock": Obstacle(shape=BALL, position=[0.0, 0.18])}
     parameters: dict[str, Any] = {} if kind is PymunkEnvironment else {"recovery": 0.1}
@@ -448,7 +448,7 @@ def test_the_scenery_follows_what_moves(kind: type[PhysicsEnvironment]) -> None:
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.5])
-def test_what_is_pushed_around_hides_what_is_behind_it_where_it_was_then(
+def test_a_pushed_body_hides_bodies_behind_its_position_at_that_time(
     kind: type[PhysicsEnvironment], delay: float, tmp_path: Path
 ) -> None:
     sense = {"see": lambda: made(RangePerception, range=9.0, occlusion=True, delay=delay)}

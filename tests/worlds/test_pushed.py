@@ -70,7 +70,7 @@ def test_the_state_changes_by_what_is_said_and_nobody_elses(
 
 
 @pytest.mark.parametrize("kind", [PymunkEnvironment, PyBulletEnvironment])
-def test_who_is_pushed_into_another_touches_it_and_what_had_begun_stays_told(kind: type[PhysicsEnvironment]) -> None:
+def test_a_displaced_agent_touches_another_and_earlier_contacts_stay_reported(kind: type[PhysicsEnvironment]) -> None:
     environment, group = world(kind, Unicycle(), [[0, 0, 0], [0.59, 0, 0], [5, 0, 0]])
     with environment:
         environment.step()

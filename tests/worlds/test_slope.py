@@ -100,7 +100,7 @@ def test_a_tilted_body_given_two_coordinates_stands_on_the_ground() -> None:
     assert after == pytest.approx([0.1, 5.0, 0.3], abs=1e-3)
 
 
-def test_what_is_led_keeps_its_tilt() -> None:
+def test_a_body_on_a_path_keeps_its_tilt() -> None:
     led = Obstacle(
         shape=RAMP, pitch=0.3, path={"times": [0, 10], "positions": [[0, 0, 9], [10, 0, 9]], "headings": [0, 1]}
     )
@@ -156,6 +156,6 @@ def test_a_world_without_a_third_dimension_refuses_what_is_tilted(kind: type[Col
 @pytest.mark.parametrize(
     "shape", [{"polygon": {"vertices": [[0, 0], [1, 0], [0, 1]]}}, {"wall": {"points": [[0, 0], [1, 0]]}}]
 )
-def test_what_stands_upright_by_its_nature_is_not_tilted(shape: dict[str, Any]) -> None:
+def test_upright_bodies_are_not_tilted(shape: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match="stands upright"):
         Obstacle(shape=shape, position=[0, 0], roll=0.2)

@@ -62,7 +62,7 @@ def height(environment: PyBulletEnvironment, name: str) -> float:
     return environment.pose(name).position[2]
 
 
-def test_what_is_given_no_height_stands_on_the_ground() -> None:
+def test_a_body_without_a_height_stands_on_the_ground() -> None:
     shapes = {"ball": BALL, "cube": CUBE, "can": {"cylinder": {"radius": 0.1, "height": 0.5}}}
     obstacles = {
         name: Obstacle(shape=shape, position=[float(number), 0.0], mass=1.0)
@@ -75,7 +75,7 @@ def test_what_is_given_no_height_stands_on_the_ground() -> None:
     assert contacts == []
 
 
-def test_what_falls_hits_the_ground_and_bounces_as_high_as_its_elasticity_says() -> None:
+def test_a_falling_body_bounces_as_high_as_its_elasticity_allows() -> None:
     obstacles = {"ball": Obstacle(shape=BALL, position=[0, 0, 1.1], mass=2.0, elasticity=0.8)}
     with world(obstacles, time_step=0.004) as environment:
         heights = []
@@ -91,7 +91,7 @@ def test_what_falls_hits_the_ground_and_bounces_as_high_as_its_elasticity_says()
     assert max(heights[int(0.5 / 0.004) :]) == pytest.approx(0.64, rel=0.01)
 
 
-def test_who_moves_in_a_plane_stays_upright_at_one_height_and_the_ground_does_not_brake_it() -> None:
+def test_an_agent_in_a_plane_stays_upright_at_one_height_without_friction_of_the_ground() -> None:
     tall = Entity(shape={"box": {"length": 0.2, "width": 0.2, "height": 2.0}}, friction=1.0)
     robot = AgentGroup("robot", ["robot"], Unicycle(), tall, [[0.0, 0.0, 0.0]])
     obstacles = {"ball": Obstacle(shape=BALL, position=[1.0, 0.02, 1.9], mass=5.0)}
@@ -103,7 +103,7 @@ def test_who_moves_in_a_plane_stays_upright_at_one_height_and_the_ground_does_no
 
 
 @pytest.mark.parametrize("kind", [SingleIntegrator, DoubleIntegrator])
-def test_who_moves_in_space_is_carried_and_lands_on_what_is_below(kind: type[NoisyModel]) -> None:
+def test_an_agent_in_space_is_carried_and_lands_on_bodies_below(kind: type[NoisyModel]) -> None:
     model = made(kind, dimensions=3)
     state = np.eye(1, len(model.state), 2)  # at a height of 1 m, at rest
     drone = AgentGroup("drone", ["drone"], model, Entity(shape=BALL), state)
@@ -173,7 +173,7 @@ def test_a_urdf_file_stands_fixed_or_free(fixed: bool, tmp_path: Path) -> None:
             assert height(environment, "post") == pytest.approx(0.1, abs=0.02)  # it fell over
 
 
-def test_what_comes_with_pybullet_data_can_be_used() -> None:
+def test_files_of_pybullet_data_can_be_used() -> None:
     duck = Obstacle(
         shape={"urdf": {"file": "pybullet_data/duck_vhacd.urdf", "radius": 0.1}}, position=[0, 0, 1], mass=1
     )
@@ -208,7 +208,7 @@ def refused(tmp_path: Path, shape: Mapping[str, Any], said: str) -> None:
     assert caught.value.path[:4] == ("environment", "entities", "thing", "shape")
 
 
-def test_a_file_that_is_missing_or_broken_is_told_of(tmp_path: Path) -> None:
+def test_a_missing_or_broken_file_is_reported(tmp_path: Path) -> None:
     (tmp_path / "empty.obj").write_text("# nothing\n")
     (tmp_path / "cut.urdf").write_text("<robot name='x'><link name=")
     (tmp_path / "page.urdf").write_text("<html><body/></html>")
@@ -237,13 +237,13 @@ def test_a_file_that_is_missing_or_broken_is_told_of(tmp_path: Path) -> None:
         ("0", "no mass"),
     ],
 )
-def test_a_urdf_file_without_a_positive_mass_is_told_of(mass: str, said: str, tmp_path: Path) -> None:
+def test_a_urdf_file_without_a_positive_mass_is_reported(mass: str, said: str, tmp_path: Path) -> None:
     text = URDF.format(shape='sphere radius="0.1"').replace('mass value="2"', f'mass value="{mass}"')
     (tmp_path / "post.urdf").write_text(text)
     refused(tmp_path, {"urdf": {"file": "post.urdf", "radius": 0.1}}, f"`post.urdf` gives .* {said}")
 
 
-def test_a_mass_that_is_no_number_is_told_of_at_its_line(tmp_path: Path) -> None:
+def test_a_mass_that_is_no_number_is_reported_at_its_line(tmp_path: Path) -> None:
     text = URDF.format(shape='sphere radius="0.1"').replace('mass value="2"', 'mass value="heavy"')
     (tmp_path / "post.urdf").write_text(text)
     refused(tmp_path, {"urdf": {"file": "post.urdf", "radius": 0.1}}, r"post.urdf:2:\d+: .* `heavy` is no number")

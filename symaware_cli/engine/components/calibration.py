@@ -2,7 +2,7 @@
 
 Runs are exchangeable, errors within a run are not: they overlap in time and concern the same others. So each run counts
 with one score, the greatest of its errors, each divided by the size of the region at its look-ahead. Of K runs, the
-score of rank ceil((K + 1) c) is exceeded by that of a further run with a probability of at most 1 - c, whatever the
+score of rank ceil((K + 1) c) is exceeded by that of a further run with a probability of at most 1 - c, for any
 distribution (V. Vovk, A. Gammerman, G. Shafer, "Algorithmic Learning in a Random World", Springer 2005; for
 trajectories L. Lindemann, M. Cleaveland, G. Shim, G. J. Pappas, "Safe planning in dynamic environments using conformal
 prediction", IEEE Robotics and Automation Letters 8, 2023; for the weighted maximum over look-aheads M. Cleaveland, I.

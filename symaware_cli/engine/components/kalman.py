@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import Observation, Tracks
-from symaware_cli.geometry import Array, Indices, Mask
+from symaware_cli.geometry import Array, Indices, Mask, wrapped
 from symaware_cli.world import Model, integrate
 
 
@@ -75,11 +75,6 @@ def transition_of(model: Model, before: Array, after: Array, control_input: Arra
     if not square.any():
         return identity + rate
     return identity + rate + square @ (identity / 2 + rate / 6 + square / 24)
-
-
-def wrapped(angle: Array) -> Array:
-    """Wrap angles to [-pi, pi) [rad]."""
-    return np.remainder(angle + np.pi, 2 * np.pi) - np.pi
 
 
 def corrected(model: Model, belief: Belief, measured: Array, deviation: Array) -> Belief:

@@ -156,7 +156,7 @@ class RangePerception(GroupComponent):
         return width is not None and width < 2 * math.pi
 
     def _delayed(self, present: Sight) -> tuple[Sight | None, tuple[Sight, ...]]:
-        """Return what was visible one delay ago, None at first, and what to keep for later turns."""
+        """Return the sight of one delay ago, None at first, and those to keep for later turns."""
         if not self._delay:
             return present, ()
         past, then = (*self._past, present), self.now - self._delay
@@ -215,7 +215,7 @@ class RangePerception(GroupComponent):
             velocities += parameters.velocity_noise * errors[:, dimensions:]
 
     def _tracks(self, time: int, counts: Indices, others: Indices, positions: Array, velocities: Array) -> Tracks:
-        """Return tracks of what was seen at a time."""
+        """Return tracks of the bodies that were seen at a time."""
         pointers = np.zeros(len(counts) + 1, np.intp)
         np.cumsum(counts, out=pointers[1:])
         for array in (positions, velocities):

@@ -97,7 +97,7 @@ class SurfaceChains(NamedTuple):
 
 
 class ScanSurfaces:
-    """What the agents of a group know of the surfaces around them by one of their lidars.
+    """The surfaces around the agents of a group, as far as they know them by one of their lidars.
 
     Rays are taken to begin at the position that an agent believed to have when they were measured, and to be seen from
     the heading that it believed to have. Between two scans surfaces stay where they were seen.
@@ -137,7 +137,7 @@ class ScanSurfaces:
         return _placed(scan, pose)
 
     def remember(self, group: AgentGroup, now: int, returns: ScanReturns) -> None:
-        """Remember what a turn found, and the believed poses at its instant [ns]."""
+        """Store the results of a turn, and the believed poses at its instant [ns]."""
         if returns.time >= 0:
             self._returns = returns
         self._poses[now] = believed_pose(group)

@@ -62,7 +62,7 @@ class Sensor(GroupComponent):
         return np.zeros(len(state)) if heading is None else state[:, heading]
 
     def with_dropouts(self, values: Array) -> Array:
-        """Return measurements (n, k) as a read-only array, with NaN in the rows of those that are missed."""
+        """Return measurements (n, k) as a read-only array, with NaN in the rows of missed measurements."""
         if self.parameters.dropout:
             values[self.random.uniform(1, "dropout")[:, 0] < self.parameters.dropout] = np.nan
         values.flags.writeable = False

@@ -48,7 +48,7 @@ P_VALUE = Signal("p_value", columns=[Quantity("p_value", "1")], description="of 
 
 
 class PredictedTracks(NamedTuple):
-    """What was predicted in a turn.
+    """The predictions of a turn.
 
     Attributes:
         time: The instant of the turn [ns].
@@ -66,7 +66,7 @@ class ConformalTurn(NamedTuple):
 
     Attributes:
         tracks: The others that are predicted.
-        predictions: What was predicted in this turn, and before it as far as it concerns the future.
+        predictions: The predictions of this turn, and those of earlier turns for future instants.
         errors: The greatest error of each agent so far, at each look-ahead [m]; shape (n, H).
     """
 
@@ -88,13 +88,13 @@ class CalibrationFile(Parameters):
 class ConformalUncertainty(GroupComponent):
     """Regions in which others will be with a given probability, calibrated from earlier runs (conformal prediction).
 
-    Each agent predicts the others that it is aware of: they follow the intents that they told of, or keep their
-    velocities. At later turns it compares what it predicted with where it believes them to be then. Without a
-    `calibration` it records these errors only, and the metric `prediction.error` puts them into the table of a sweep.
-    With that table, it writes a region of each other to the awareness of it: a disc or ball around the predicted
-    position for each look-ahead. With a probability of at least `coverage`, all predictions of a run, of all turns and
-    others and up to each look-ahead, hold together; nothing is assumed but that the run is like those of the table: of
-    the same distribution, and no longer.
+    Each agent predicts the others that it is aware of: they follow the intents that they have sent, or keep their
+    velocities. At later turns it compares its predictions with the positions that it then believes them to have.
+    Without a `calibration` it records these errors only, and the metric `prediction.error` puts them into the table of
+    a sweep. With that table, it writes a region of each other to the awareness of it: a disc or ball around the
+    predicted position for each look-ahead. With a probability of at least `coverage`, all predictions of a run, of all
+    turns and others and up to each look-ahead, hold together; nothing is assumed but that the run is like those of the
+    table: of the same distribution, and no longer.
 
     If the errors during a run are greater than those of nearly all earlier runs, this is no such run, and an event
     says so. In a run that is like those of the table this happens with a probability of at most `false_alarm`.
@@ -111,7 +111,7 @@ class ConformalUncertainty(GroupComponent):
     _calibration: Calibration | None = None
 
     class Parameters(Parameters):
-        """What is predicted, and from which runs the regions are calibrated."""
+        """The predictions, and the runs that calibrate the regions."""
 
         calibration: CalibrationFile | None = Field(
             None, description="Earlier runs; if null, errors are recorded and there are no regions."

@@ -18,7 +18,7 @@ class ColumnEnvironment(Environment):
     is_shared = True
 
     def find_warnings(self, view: ScenarioView) -> None:
-        """Warn of what is missing of the looks of robots."""
+        """Warn of missing visual shapes of robots."""
         warn_of_looks(view, self.folder, self.further_folders)
 
     def initialise(self, groups: Sequence[EntityGroup], obstacles: Mapping[str, Obstacle], seed: int) -> None:

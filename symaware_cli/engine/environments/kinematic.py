@@ -32,8 +32,8 @@ from symaware_cli.world import Integrator, integrate
 class KinematicEnvironment(ColumnEnvironment):
     """Moves every group by its own model. Contacts are reported; by default bodies then pass through each other.
 
-    Requested control inputs are saturated to what the model allows and held over the step. The model's process noise is
-    added after it.
+    Requested control inputs are saturated at the limits of the model and held over the step. The model's process noise
+    is added after it.
     """
 
     batchable = True

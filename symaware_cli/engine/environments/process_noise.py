@@ -12,7 +12,7 @@ from symaware_cli.world import GroupChance, Turn
 class ProcessNoise:
     """Draws the noise that a group's model adds to the states of its agents in each step.
 
-    What an agent draws is keyed by its id and the step, so it does not depend on other agents.
+    An agent's draws are keyed by its id and the step, so they do not depend on other agents.
     """
 
     def __init__(self, group: EntityGroup, covariance: Array, seed: int) -> None:

@@ -43,7 +43,7 @@ class Believe(Fault):
     """
 
     class Parameters(core.Parameters):
-        """Whose belief about whom is true."""
+        """The agent whose belief is true, and the subject of the belief."""
 
         agent: AgentPattern
         about: AgentPattern
@@ -128,7 +128,7 @@ class Believe(Fault):
         return begun
 
     def end(self, run: FaultTargets, begun: Any) -> None:
-        """Let the beliefs be what the agents' components make of them, from their next turns on."""
+        """Leave the beliefs to the agents' components again, from their next turns on."""
         if not self.parameters.truth:
             for selected, pairs in self.sensors:
                 _redraw(selected, pairs, None)

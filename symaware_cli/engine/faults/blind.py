@@ -23,7 +23,7 @@ class Blind(ComponentFault):
         return f"blinds {self.of}"
 
     def begin(self, run: FaultTargets) -> Any:
-        """Remove what the sensors detect from now on, and what they detected before."""
+        """Remove earlier detections of the sensors, and those from now on."""
         disturbances = []
         for each in self.components:
             disturbance = partial(_blindfold, frozenset(each.rows))

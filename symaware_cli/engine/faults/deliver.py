@@ -14,12 +14,12 @@ from symaware_cli.engine.runtime.fault import FaultContext
 class Deliver(LinkFault):
     """Messages that arrive in time; or, as a placebo, messages whose fates are drawn anew.
 
-    A message in time can be read at the next step, as without a network, whatever its channel and other faults do. Only
-    a link that the topology does not have stays without messages. What the channel remembers of the message stays, so
-    that other messages meet the same fates as without this fault; a queue that drops its head does not hold it.
+    A message in time can be read at the next step, as without a network, regardless of its channel and other faults.
+    Only a link that the topology lacks stays without messages. The channel keeps its memory of the message, so that
+    other messages meet the same fates as without this fault; a queue that drops its head does not hold it.
 
-    The placebo draws from other keys what the channels and faults draw for these messages: other messages of the same
-    links are lost or late.
+    With the placebo, the draws of the channels and faults for these messages have other keys: other messages of the
+    same links are lost or late.
     """
 
     class Parameters(LinkParameters):

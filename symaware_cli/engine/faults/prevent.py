@@ -16,7 +16,7 @@ from symaware_cli.engine.runtime.fault import Fault, FaultContext, FaultTargets
 class Prevent(Fault):
     """Another fault that does not happen: from now on it does not begin, and it ends if it has begun.
 
-    It acts before other faults of the same instant. What an instantaneous fault has done before stays.
+    It acts before other faults of the same instant. The effect of an earlier instantaneous fault stays.
     """
 
     class Parameters(RootModel[Annotated[Name, Field(description="The name of that fault.")]]):

@@ -46,7 +46,7 @@ class SetState(Fault):
         context.require_pushes()
 
     def begin(self, run: FaultTargets) -> Any:
-        """Change each state by what it differs."""
+        """Add the difference to each state."""
         for group, rows in self.agents:
             for row in rows:
                 run.push(AgentSelection(group, [row]), self.state - run.environment.state(group)[row])

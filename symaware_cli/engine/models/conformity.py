@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.geometry import Array
-from symaware_cli.world import Model, columns
+from symaware_cli.world import Model, columns, counted
 
 _RAISED = object()
 
@@ -123,4 +123,4 @@ def _array(name: str, call: Callable[[], Any], shape: tuple[int, ...], *, may_be
 
 
 def _many(shape: tuple[int, ...]) -> str:
-    return f"{shape[0]} element{'' if shape[0] == 1 else 's'}" if len(shape) == 1 else f"the shape {shape}"
+    return counted(shape[0], "element") if len(shape) == 1 else f"the shape {shape}"

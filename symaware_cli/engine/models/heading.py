@@ -10,7 +10,7 @@ import numpy as np
 
 from symaware_cli.core import Model, Quantity
 from symaware_cli.engine.models.noise import NoisyModel
-from symaware_cli.geometry import Array
+from symaware_cli.geometry import Array, wrapped
 from symaware_cli.world import columns
 
 
@@ -108,7 +108,7 @@ class HeadingModel(NoisyModel):
 
         Args:
             state: The states; shape (n, nx).
-            velocity: The desired velocities [m/s]; shape (n, d), of which the components in the plane count.
+            velocity: The desired velocities [m/s]; shape (n, d); only the components in the plane count.
 
         Returns:
             The desired speed in the plane [m/s], and the angle from the heading to the desired direction, in
@@ -116,7 +116,7 @@ class HeadingModel(NoisyModel):
         """
         x, y = columns(velocity[:, :2])
         speed = np.sqrt(x * x + y * y)
-        error = np.remainder(np.arctan2(y, x) - state[:, self.heading] + np.pi, 2 * np.pi) - np.pi
+        error = wrapped(np.arctan2(y, x) - state[:, self.heading])
         moving = speed > 1e-9
         return speed, error if np.count_nonzero(moving) == len(moving) else np.where(moving, error, 0.0)
 

@@ -18,7 +18,7 @@ Positive = Annotated[float, Field(gt=0)]
 class Linear(Model):
     """A map in discrete time, x+ = A x + B u + w with w ~ N(0, W), over a time step of its own.
 
-    The environment must have the same ``time_step``, and is refused otherwise. Nothing is integrated, whatever the
+    The environment must have the same ``time_step``, and is refused otherwise. Nothing is integrated, regardless of the
     environment's ``integrator``. `derivative` is the mean rate over one step without noise, (A x + B u - x) /
     time_step; `velocity` is part of it, and `jacobian` its derivative, (A - I) / time_step.
 

@@ -38,8 +38,8 @@ class _Piece(NamedTuple):
 class RobotLinks:
     """The links of a robot whose joints a mechanism reads from a state; see `symaware_cli.Model.links`.
 
-    The positions of other joints are not known, such as of wheels that roll. Of what such a joint carries, only the
-    origin of a link that turns about it is known, as it is on the axis.
+    The positions of other joints are not known, such as of wheels that roll. Of the links that such a joint carries,
+    only the origin of one that turns about it is known, as it is on the axis.
 
     Attributes:
         tree: All links and joints.

@@ -46,7 +46,7 @@ class WheelLimits(Parameters):
 
 
 class WheeledModel(LaggedModel):
-    """A robot on wheels: what the differential drive and the car have in common.
+    """A robot on wheels: the common base of the differential drive and the car.
 
     Its parameters are `WheelLimits`. The state begins with x, y, heading and speed. The position is the middle of the
     axle, and the wheels stand on the ground.

@@ -23,7 +23,7 @@ class Disturbance:
         loss: Probability that a message is lost.
         delay: Additional delay of messages, in nanoseconds.
         bandwidth: Limit of the bandwidth of each link [bytes/s].
-        in_time: Whether the messages are neither lost nor delayed, whatever their links and other faults do.
+        in_time: Whether the messages are neither lost nor delayed, regardless of their links and other faults.
         draw: Names other random draws, which decide the fates of the messages; empty for those of the run.
     """
 

@@ -1,4 +1,4 @@
-"""Transmission: what the network and faults make of sent messages, at once or after a queue; delays: see `channel`."""
+"""Transmission: the effects of the network and of faults on sent messages, at once or after a queue; see `channel`."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class LinkQueue(Generic[Content]):
         return not self._waiting and self._free < now
 
     def join(self, now: int, size: int, queued: Content) -> list[Content]:
-        """Queue a message, and return what is dropped from a full queue: older ones, or itself if too big.
+        """Queue a message, and return the messages dropped from a full queue: older ones, or itself if it is too big.
 
         Call `advance` first.
         """

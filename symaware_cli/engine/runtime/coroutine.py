@@ -99,7 +99,7 @@ class CoroutineTurns:
             outcome.begin(turn.wakeups)
 
     def _advance(self, turn: _CoroutineTurn) -> Any:
-        """Resume a coroutine once, and return what it awaits next."""
+        """Resume a coroutine once, and return the object that it awaits next."""
         bridge = self._awaiter.bridge
         try:
             if bridge is None:

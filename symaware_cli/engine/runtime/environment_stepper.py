@@ -62,7 +62,7 @@ class EnvironmentStepper:
 
     @contextmanager
     def _inputs_restrained(self) -> Iterator[None]:
-        """Let the world apply the control inputs of the restraints; what is requested stays as it is."""
+        """Let the world apply the control inputs of the restraints; the requested ones stay unchanged."""
         replaced = []
         for each in self._restraints:
             group, rows = each.restrained

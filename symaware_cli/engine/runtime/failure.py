@@ -14,7 +14,7 @@ class RunError(Exception):
     """A failure that ends a run.
 
     Attributes:
-        source: The dotted path of what failed, such as ``agents.robot.2.steer`` or ``environment``.
+        source: The dotted path of the failed part, such as ``agents.robot.2.steer`` or ``environment``.
         plugin: The entry-point name of the plugin that failed.
         time: Simulated time in nanoseconds.
         problem: What happened, in one sentence.

@@ -64,9 +64,9 @@ class ComponentSelection(NamedTuple):
 class Fault(Plugin, ABC):
     """Base class of the kinds of faults, registered under the key that names the kind in a scenario.
 
-    `Parameters` is what is written under that key: a model with fields, or a `pydantic.RootModel` for a single value.
-    An instance is one fault of a scenario. It is part of the scenario, not of the state of the run: from `begin` on,
-    its attributes must not change, and what the fault needs at its end is what `begin` returns.
+    `Parameters` describes the value of that key: a model with fields, or a `pydantic.RootModel` for a single value. An
+    instance is one fault of a scenario. It is part of the scenario, not of the state of the run: from `begin` on, its
+    attributes must not change, and `end` receives the result of `begin`.
 
     Attributes:
         lasts: Whether it has a duration; if not, it happens at once, and a scenario cannot give it a `for`.
@@ -106,7 +106,7 @@ class Fault(Plugin, ABC):
     @property
     @abstractmethod
     def text(self) -> str:
-        """What it does, in a few words that follow its name: in the log, on the command line and in replays."""
+        """Its effect in a few words that follow its name: in the log, on the command line and in replays."""
 
     @property
     def limits_bandwidth(self) -> bool:
@@ -134,11 +134,11 @@ class Fault(Plugin, ABC):
         """Apply the effect.
 
         Args:
-            run: What the fault acts on.
+            run: The parts of the run that faults act on.
 
         Returns:
-            What `end` needs. It belongs to the state of the run, and is captured with it: use numbers, texts, arrays,
-            lists, mappings, and functions of modules or methods of the fault. An array must be a copy of the
+            The argument of `end`. It belongs to the state of the run, and is captured with it: use numbers, texts,
+            arrays, lists, mappings, and functions of modules or methods of the fault. An array must be a copy of the
             scenario's, since restoring a state may write into it.
         """
 
@@ -146,8 +146,8 @@ class Fault(Plugin, ABC):
         """Undo the effect, if it can be undone.
 
         Args:
-            run: What the fault acts on.
-            begun: What `begin` returned.
+            run: The parts of the run that faults act on.
+            begun: The result of `begin`.
         """
         return
 
@@ -155,8 +155,8 @@ class Fault(Plugin, ABC):
 class FaultContext(ABC):
     """The scenario around a fault, while it is checked.
 
-    Its methods look up what a parameter names. A problem is reported at the place of the parameter, and ends the
-    checks of this fault. A place consists of the keys and indices under the key of the kind: ``"between", 0``.
+    Its methods look up the objects that parameters name. A problem is reported at the place of the parameter, and ends
+    the checks of this fault. A place consists of the keys and indices under the key of the kind: ``"between", 0``.
 
     Attributes:
         groups: All groups of agents.
@@ -245,29 +245,29 @@ class FaultContext(ABC):
         """Report a problem, and end the checks of this fault.
 
         Args:
-            message: What is wrong, in one sentence.
-            place: Where.
+            message: The problem, in one sentence.
+            place: Its place.
             code: A stable identifier for tools.
             key: Whether it is at the last key of the place, not at its value.
             beside: Whether the place is beside the key of the kind, such as ``"at"``.
-            expected: What is valid there.
-            known: What the text at the place may be; the nearest is suggested.
+            expected: A description of valid values.
+            known: The valid texts at the place; the nearest is suggested.
         """
 
     @abstractmethod
     def refuse_unknown(self, noun: str, name: str, known: Iterable[str], *place: str | int) -> NoReturn:
-        """Report that nothing has a name, with what there is.
+        """Report that nothing has a name, with the existing names.
 
         Args:
-            noun: What it should be, such as ``component``.
+            noun: The word for the missing thing, such as ``component``.
             name: The name.
-            known: The names that there are.
-            place: Where it is written.
+            known: The existing names.
+            place: The place of the name.
         """
 
 
 class FaultTargets:
-    """What faults act on while a run goes on.
+    """The parts of a run that faults act on.
 
     Attributes:
         simulation: The simulation.
@@ -330,7 +330,7 @@ class FaultTargets:
     def restrain(self, restraint: Restraint) -> None:
         """Hold agents back in the steps of the world from now on; the world has to support sudden changes of states.
 
-        A restraint that is not the fault itself belongs to the state of the run, as what `Fault.begin` returns.
+        A restraint that is not the fault itself belongs to the state of the run, like the result of `Fault.begin`.
         """
         self._stepper.restrain(restraint)
 
@@ -393,11 +393,11 @@ class FaultTargets:
             loss: Probability that a message is lost.
             delay: Additional delay of a message, in nanoseconds.
             bandwidth: Greatest data rate of each link [bytes/s].
-            in_time: Whether messages are neither lost nor delayed, whatever their links and other faults do.
+            in_time: Whether messages are neither lost nor delayed, regardless of their links and other faults.
             draw: Names other random draws, which decide their fates; empty for those of the run.
 
         Returns:
-            What `restore_messages` needs.
+            The argument of `restore_messages`.
         """
         disturbances = [Disturbance(name, *ends, loss, delay, bandwidth, in_time, draw) for ends in ways]
         self.simulation.exchange.add_disturbances(disturbances)

@@ -20,7 +20,7 @@ _POSITIONS, _VELOCITIES = ValueRange(FARTHEST), ValueRange(FARTHEST, nan=True)
 
 
 class FinitenessCheck:
-    """Checks what the components of one entry write: control inputs, parts of awareness, signals, tracks of others."""
+    """Checks the values from the components of one entry: control inputs, parts of awareness, signals and tracks."""
 
     def __init__(self, group: AgentGroup, path: str, use: str) -> None:
         """Prepare.
@@ -45,7 +45,7 @@ class FinitenessCheck:
         self._written: set[int] = set()
 
     def clear(self, rows: Sequence[int]) -> None:
-        """Empty what the components wrote for some agents, but their believed states and control inputs."""
+        """Clear the values that the components wrote for some agents, except believed states and control inputs."""
         kept = self._awareness.state_column
         for number in sorted(self._written - {0}):
             column, _ = self._columns[number]

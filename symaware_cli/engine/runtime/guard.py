@@ -1,4 +1,4 @@
-"""Guards calls into the components of one entry: checks what they write, and handles failures."""
+"""Guards calls into the components of one entry: checks the values that they write, and handles failures."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ Isolate = Callable[[AgentGroup, Sequence[int], Coast, str], object]
 
 
 class Guard:
-    """Calls components with signals enabled, checks what they write, and applies `on_failure`.
+    """Calls components with signals enabled, checks the values that they write, and applies `on_failure`.
 
     Attributes:
         supervision: Suspended agents, and the effects of faults on the other agents.

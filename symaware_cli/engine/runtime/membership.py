@@ -238,7 +238,7 @@ class Membership:
     def _set_present(self, group: AgentGroup, rows: Sequence[int], *, present: bool) -> None:
         """Update the presence of agents in the group, the environment and the exchange."""
         simulation, environment = self._simulation, self._simulation.environment
-        flags = np.ones(len(group), bool) if group.present is None else group.present.copy()
+        flags = group.in_world.copy()
         flags[list(rows)] = present
         flags.flags.writeable = False
         group.present = flags

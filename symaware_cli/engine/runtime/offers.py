@@ -1,4 +1,4 @@
-"""Offers of specifications during a run: when they are made, who accepts them, and what becomes of the others.
+"""Offers of specifications during a run: when they are made, which agents accept them, and which are rejected.
 
 Reasons: docs/decisions/0040-offered-specifications.md
 """
@@ -24,7 +24,7 @@ TERMS = ("formula", "epsilon", "from", "since", "until", "knowledge")
 
 
 class OfferState:
-    """What has become of an offer.
+    """The state of an offer.
 
     Attributes:
         is_due: Whether the event has fired that brings it.
@@ -43,7 +43,7 @@ class OfferState:
 
 
 class Offers:
-    """Offers specifications to agents, and keeps track of who has accepted which.
+    """Offers specifications to agents, and keeps track of the agents that have accepted them.
 
     Everything that happens to an offer is an event of the source ``specifications.NAME``, and takes effect by that
     event alone. So a log has all that is needed to evaluate it again.
@@ -65,10 +65,10 @@ class Offers:
         """Prepare.
 
         Args:
-            simulation: What runs.
+            simulation: The simulation.
             monitors: The monitors of all specifications, by name.
             triggers: The events that bring offers, by the names of the specifications.
-            router: Connects events with what they bring about.
+            router: Connects events with their effects.
             takes_part: Tells whether an agent takes part in the run; None where the events of a log are repeated, which
                 tell all.
         """
@@ -102,7 +102,7 @@ class Offers:
         return {name: state.holder for name, state in self._states.items() if state.holder}
 
     def update(self, now: int) -> None:
-        """Make the offers that are due at a step, reopen those whose agents are gone, and reject what is too late."""
+        """Make the offers that are due at a step, reopen those whose agents are gone, and reject late ones."""
         for name, state in self._states.items():
             monitor = self._monitors[name]
             offer = monitor.specification.offer
@@ -119,13 +119,13 @@ class Offers:
                 self._reject(name, f"nobody has accepted it by {seconds(state.since + offer.open_for):g} s")
 
     def finish(self) -> None:
-        """Reject what nobody has accepted when the run ends."""
+        """Reject the open offers when the run ends."""
         for name, state in self._states.items():
             if state.is_open:
                 self._reject(name, "nobody has accepted it by the end of the run")
 
     def accept(self, name: str, agent: str, path: str) -> bool:
-        """Accept what is offered, for an agent.
+        """Accept an offer for an agent.
 
         Args:
             name: The name of the specification.
@@ -168,7 +168,7 @@ class Offers:
 
     @staticmethod
     def _terms(monitor: SpecificationMonitor, now: int) -> dict[str, Any]:
-        """What agents are told of an offer that is made, or becomes open again."""
+        """The terms of an offer that is made, or becomes open again, as agents receive them."""
         specification = monitor.specification
         offer = specification.offer
         assert offer is not None
@@ -211,7 +211,7 @@ class Offers:
         self._tell(name, None)
 
     def _tell(self, name: str, terms: Mapping[str, Any] | None) -> None:
-        """Change what the agents that are told of an offer know; without terms it is open no more."""
+        """Change the knowledge of the agents that receive an offer; without terms it is no longer open."""
         offer = self._monitors[name].specification.offer
         assert offer is not None
         for id in offer.to:

@@ -1,4 +1,4 @@
-"""What the engine asks of whoever records a run; the recorder of logs is one.
+"""Interfaces of recorders of runs, such as the recorder of logs.
 
 Reasons: docs/decisions/0073-rooms.md
 """
@@ -20,14 +20,14 @@ PaceFigures = tuple[float, int, int, float]
 
 
 class RecordingError(UserError):
-    """What a run is to leave behind cannot be written. The message is a sentence for users that names the file."""
+    """A file of a run cannot be written. The message is a sentence for users that names the file."""
 
 
 class SpecificationRecording(Protocol):
     """Records the states of specifications."""
 
     def record(self, monitor: SpecificationMonitor, now: int) -> None:
-        """Record what changed of a specification; times are in nanoseconds."""
+        """Record the changes of a specification; times are in nanoseconds."""
 
 
 class RunRecording(Protocol):

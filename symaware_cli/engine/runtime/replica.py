@@ -21,7 +21,7 @@ from symaware_cli.world import Turn, trace
 
 @dataclass(frozen=True, slots=True)
 class EntryDescription:
-    """What a worker needs to create the replica of one entry.
+    """The data from which a worker creates the replica of one entry.
 
     Attributes:
         kind: The class of the components.
@@ -122,14 +122,14 @@ class ReceivedStatuses:
         return None if status is None else SpecificationStatus(*status)
 
     def measured(self, agent: str) -> float:
-        """Return the robustness on what was measured of an agent; only of specifications that are offered."""
+        """Return the robustness by the measured values of an agent; only of specifications that are offered."""
         if agent not in self._measured:
             raise RuntimeError("in a process of its own, a component has the robustness of what is offered alone")
         return self._measured[agent]
 
 
 class EntryTransfer(Transfer):
-    """Transfers the components of one entry, and what they may read of their group and of the world."""
+    """Transfers the components of one entry, and the parts of their group and of the world that they may read."""
 
     def __init__(
         self, group: AgentGroup, groups: Sequence[AgentGroup], packages: frozenset[str], *, of_group: bool
@@ -185,7 +185,7 @@ class EntryTransfer(Transfer):
         self.name({f"parameters {row}": each for row, each in enumerate(parameters) if each is not None})
 
     def surroundings(self, *, sees_world: bool) -> bytes:
-        """What a computation may read besides knowledge and its component, and what changes during a run."""
+        """The data that a computation may read besides knowledge and its component, and that changes during a run."""
         settle(self._group)
         environment = self._group.surroundings.environment
         values: dict[str, Any] = {
@@ -288,7 +288,7 @@ class Replica:
         """Let agents enter and leave the world as in the run; all are present in a new world."""
         for name, flags in present.items():
             group = self._groups[name]
-            before = np.ones(len(group), bool) if group.present is None else group.present
+            before = group.in_world
             group.present = flags
             if self._description.world is not None:
                 for move, rows in ((self._world.dismiss, before & ~flags), (self._world.admit, flags & ~before)):

@@ -15,7 +15,7 @@ from symaware_cli.geometry import Array
 class Restraint(ABC):
     """Changes how some agents of one group move in each step of the world; see `FaultTargets.restrain`.
 
-    It has no state of its own: what it does follows from the scenario, and from the states before and after a step.
+    It has no state of its own: its effect follows from the scenario, and from the states before and after a step.
 
     Attributes:
         restrained: Their group and their rows in it, ascending, such as an `AgentSelection`.
@@ -25,7 +25,7 @@ class Restraint(ABC):
 
     @abstractmethod
     def request(self, states: Array, inputs: Array, step: float) -> Array:
-        """Return the control inputs that the world applies in a step instead of those that the agents request.
+        """Return the control inputs that the world applies in a step instead of the requested ones.
 
         Args:
             states: The true states of the agents before the step; shape (m, nx).

@@ -299,7 +299,7 @@ class TurnScheduler:
         return False
 
     def _clear(self, row: int) -> None:
-        """Empty what a component wrote, as it is off now."""
+        """Clear the values that a component wrote, as it is off now."""
         self._shown.discard(row)
         suspended = self.supervision.suspended
         agents = [each for each in range(len(self._group)) if each not in suspended] if self._is_group else [row]

@@ -1,9 +1,10 @@
-"""What expressions in a scenario may refer to: an agent what it is aware of and knows, a run how the world is."""
+"""Names in the expressions of a scenario: for agents, awareness and knowledge; for runs, the state of the world."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import cached_property, partial
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -164,7 +165,7 @@ class ConditionScope:
         }
 
     def look_up(self, row: int, name: str) -> Any:
-        """What a name stands for, for one agent."""
+        """The value of a name for one agent."""
         group = self._group
         element = self._elements.get(name)
         if element is not None:
@@ -260,7 +261,7 @@ class WorldScope:
         return self._simulation.groups[0].specifications
 
     def look_up(self, name: str) -> Any:
-        """What a name stands for."""
+        """The value of a name."""
         simulation = self._simulation
         if name in self._parts:
             return _ByName(self._rows, simulation, partial(_part_of, name))
@@ -294,7 +295,7 @@ class WorldScope:
                     lambda pose: np.array(pose.position),
                 )
             case "present":
-                return _ByName(self._rows, simulation, _presence, counts_absent=True)
+                return _ByName(self._rows, simulation, attrgetter("in_world"), counts_absent=True)
             case "state":
                 return _ByName(
                     self._rows,
@@ -308,7 +309,7 @@ class WorldScope:
 
 
 class _ByName:
-    """What is so of each agent by its id, of each group by its name, and of each other body by its name."""
+    """A property of each agent by its id, of each group by its name, and of each other body by its name."""
 
     def __init__(
         self,
@@ -362,10 +363,6 @@ class _LinksOfOne(LinkPositions):
     def __getitem__(self, link: str) -> Array:
         found: Array = super().__getitem__(link)[0]
         return found
-
-
-def _presence(group: AgentGroup) -> NDArray[np.bool_]:
-    return np.ones(len(group), bool) if group.present is None else group.present
 
 
 def _part_of(name: str, group: AgentGroup) -> Array:

@@ -112,7 +112,7 @@ class ComponentEntry:
 
     @property
     def label(self) -> str:
-        """The path, with what tells the entry from others that have the same."""
+        """The path, with an addition that distinguishes the entry from others with the same path."""
         return self.path + self.distinction
 
     @property

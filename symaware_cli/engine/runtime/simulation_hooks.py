@@ -38,8 +38,8 @@ class SimulationHooks:
     """The hooks of a kernel that runs a simulation.
 
     Attributes:
-        imposed: Control inputs that override what the components of a group request: a mask of the rows, and the values
-            for all rows of the group.
+        imposed: Control inputs that override the requests of the components of a group: a mask of the rows, and the
+            values for all rows of the group.
     """
 
     #: The recorder is captured with the log: a run without one can be restored as well.

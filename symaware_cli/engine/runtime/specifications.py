@@ -24,13 +24,13 @@ _LEVELS = {"continue": Level.INFO, "event": Level.WARNING, "end": Level.WARNING}
 def rows_begun(
     event: Event, trigger: Trigger, specification: Specification, groups: Sequence[AgentGroup]
 ) -> Sequence[int]:
-    """Return the rows of which an instance begins with an event, ascending.
+    """Return the rows whose instances begin with an event, ascending.
 
     Of a group they are the agents that the event concerns; pairs and the world begin with every event.
 
     Args:
         event: The event.
-        trigger: What instances of the specification begin with.
+        trigger: The event with which instances of the specification begin.
         specification: The specification.
         groups: All groups.
     """
@@ -45,7 +45,7 @@ class Specifications:
 
     Attributes:
         monitors: The monitor of each, by name.
-        offers: Those that are offered, and what becomes of them.
+        offers: The offers of specifications, and their states.
         decides: Whether this process decides the verdicts.
         is_finished: Whether the run has come to its declared end.
         looked: The last instant at which they were evaluated, in nanoseconds; None before the first.
@@ -71,13 +71,13 @@ class Specifications:
 
         Args:
             simulation: The simulation to monitor.
-            specifications: What is to hold.
+            specifications: The specifications.
             triggers: The events with which instances of some begin, by name.
-            router: Connects events with what they bring about.
-            observer: Watches the run, for what is said of the world.
-            recorder: Writes the run down; None where nobody does.
-            decides: Whether this process decides the verdicts. Another process of the same run monitors only what its
-                agents read, and only specifications that can be evaluated on a copy of the world.
+            router: Connects events with their effects.
+            observer: Watches the run, for formulas about the world.
+            recorder: Records the run; None without a recording.
+            decides: Whether this process decides the verdicts. Another process of the same run monitors only the
+                specifications that its agents read and that can be evaluated on a copy of the world.
             takes_part: Tells whether an agent takes part in the run; None where a log is evaluated.
             period: The time between two looks, in nanoseconds; by default the time step of the world.
         """
@@ -114,11 +114,11 @@ class Specifications:
             group.specifications = statuses
 
     def look(self, now: int) -> str | None:
-        """Take the values of a step, tell what they decided, and say why the run is over if it is.
+        """Evaluate a step, publish the decisions, and return why the run is over; None if it goes on.
 
         Raises:
             RunError: A specification has no value; all others were evaluated.
-            SubscriberError: A subscriber to what was told failed; all were evaluated.
+            SubscriberError: A subscriber to a decision failed; all specifications were evaluated.
         """
         ending: str | None = None
         failure: Exception | None = None
@@ -151,7 +151,7 @@ class Specifications:
         """Take note that the run has come to its declared end.
 
         Raises:
-            SubscriberError: A subscriber to what was told failed; all were finished.
+            SubscriberError: A subscriber to a decision failed; all specifications were finished.
         """
         failure: SubscriberError | None = None
         if self.decides:
@@ -168,7 +168,7 @@ class Specifications:
             raise failure
 
     def outcomes(self) -> tuple[Outcome, ...]:
-        """What has become of each, in the scenario's order."""
+        """The outcome of each, in the scenario's order."""
         return tuple(monitor.outcome for monitor in self.monitors.values())
 
     def _begin(self, monitor: SpecificationMonitor, trigger: Trigger, event: Event) -> None:

@@ -55,8 +55,8 @@ class Timing:
         jitter: The greatest random delay of each turn, in nanoseconds.
         trigger: An event that triggers turns.
         condition: A condition on the agent; turns are skipped while it does not hold.
-        when_off: What the parts of awareness and the signals that the component wrote hold while its condition does
-            not: their last values, or none.
+        when_off: The values of the parts of awareness and the signals that the component writes, while its condition
+            does not hold: the last ones, or none.
         latency: The duration of a computation, after which its update is applied.
         overrun: What happens to a turn that is due while the previous one still computes.
         on_failure: What happens to the agent if the component fails.

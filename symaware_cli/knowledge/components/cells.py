@@ -10,7 +10,7 @@ from pydantic import Field
 
 from symaware_cli.core import AgentGroup, Contact, Drive, Event, Level, ScenarioView
 from symaware_cli.engine import Steering
-from symaware_cli.geometry import Array, Mask, lengths
+from symaware_cli.geometry import Array, Mask, lengths, wrapped
 from symaware_cli.knowledge.abstraction.knowledge_model import model_named
 from symaware_cli.knowledge.components.cell_certificate import CellCheck
 from symaware_cli.world import ParameterError, seconds
@@ -247,7 +247,7 @@ class CellSteering(Steering):
         wanted = np.arctan2(velocity[:, 1], velocity[:, 0])
         if drive.lag:
             heading = heading + drive.lag * turn_rate
-        error = np.remainder(wanted - heading + np.pi, 2 * np.pi) - np.pi
+        error = wrapped(wanted - heading)
         moving = desired > _AT_REST
         off = np.abs(error)
         is_straight = (off < _ALIGNED) & (off * courses.distance < _AT_GATE)

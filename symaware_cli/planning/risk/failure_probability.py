@@ -188,7 +188,7 @@ class FailureProbability(GroupComponent):
             agents = slice(begin, min(begin + chunk, len(group)))
             motion = SampledMotion(group, agents, samples, plan, spread, noise, others)
             fails[agents] = self._fails(motion, agents, instants, others)
-        present = np.ones(len(group), bool) if group.present is None else group.present
+        present = group.in_world
         fails[~present] = 0.0
         shrunk = (fails + 2.0) / (samples + 4.0)
         risk = fails / samples

@@ -1,4 +1,4 @@
-"""Formats of ``symaware export``: what a log is converted to."""
+"""Formats of ``symaware export``, to which a log is converted."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ Progress: TypeAlias = Callable[[int], None] | None
 
 @dataclass(frozen=True)
 class Exported:
-    """What was written.
+    """A description of the written files.
 
     Attributes:
         parts: Name, number of entries, and size [bytes] of each part; None for a size that is unknown.
-        nouns: What a part and its entries are called, such as ``table`` and ``rows``.
+        nouns: The words for a part and for its entries, such as ``table`` and ``rows``.
         size: The size of everything [bytes].
         facts: Further facts, as plain data.
     """
@@ -95,7 +95,7 @@ class ExportFormat(ABC):
 
 
 class _ExportKind(PluginKind):
-    """Formats, which declare what they write and need."""
+    """The kind of plugin `export`; formats declare their files and the modules that they need."""
 
     def fault(self, loaded: Any) -> str | None:
         """Return why an object is not a format, or declares something invalid."""

@@ -174,7 +174,7 @@ class _ItemEntities:
         return _fading(self._colours[item], self._alphas[item], count)
 
     def show_for(self, updates: SceneUpdates, lifetime: float) -> None:
-        """Show the entities of this instant for some time [s], whatever else is up."""
+        """Show the entities of this instant for some time [s], together with those that are shown already."""
         for made in self._made.values():
             made.lifetime.FromNanoseconds(int(1e9 * lifetime))
         if self._made:

@@ -1,4 +1,4 @@
-"""Blocks of a page: plain data, each kind of which has a template that shows it.
+"""Blocks of a page: plain data. Each kind has a template that shows it.
 
 A text is shown as it is; nothing in it becomes markup.
 """
@@ -71,7 +71,7 @@ class Paragraph:
 
     Attributes:
         parts: Its texts, one after the other.
-        look: ``note`` for a remark, ``error`` for what is wrong.
+        look: ``note`` for a remark, ``error`` for an error.
     """
 
     template: ClassVar = "blocks/paragraph.html"
@@ -123,7 +123,7 @@ class Fold:
     """Blocks that can be folded on the screen; on paper they are shown.
 
     Attributes:
-        title: What is shown while it is folded.
+        title: The text that is shown while it is folded.
         blocks: The blocks.
         is_open: Whether it is unfolded at first.
     """
@@ -141,7 +141,7 @@ class Picture:
     Attributes:
         content: The file.
         kind: Its type.
-        description: What it shows, for those who do not see it.
+        description: A description of the picture, for people who do not see it.
     """
 
     template: ClassVar = "blocks/picture.html"

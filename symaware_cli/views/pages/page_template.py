@@ -16,7 +16,7 @@ def rendered(template: str, **content: Any) -> Markup:
 
     Args:
         template: Its name in the folder of templates.
-        content: What it inserts, by name. Texts are escaped; what this function returned before is inserted as it is.
+        content: What it inserts, by name. Texts are escaped; results of this function are inserted as they are.
     """
     from markupsafe import Markup
 

@@ -92,7 +92,7 @@ def gather(log: Log, request: PlotRequest) -> Content:
     """Read the content of a plot from a log.
 
     Raises:
-        LogError: There is nothing to plot, or the log does not have what was requested.
+        LogError: There is nothing to plot, or the log lacks requested data.
     """
     run_view = run_view_of(log)
     drawings = installed_drawings("plot")

@@ -25,6 +25,7 @@ from symaware_cli.views.plotting.paper_preset import PaperPreset
 from symaware_cli.views.plotting.plane import draw_trajectories, extent
 from symaware_cli.views.plotting.request import PlotRequest
 from symaware_cli.views.plotting.time import DASHES, draw_curves, draw_modes, draw_offers, draw_separation
+from symaware_cli.world import counted
 
 #: Sizes in inches: maximum of the plane, and a panel over time.
 _PLANE, _PANEL = (6.2, 7.0), (5.6, 2.1)
@@ -199,7 +200,7 @@ def _title(content: Content, title: str | None) -> str:
     if title is not None:
         return title
     count, total = len(content.chosen.lines), content.agent_count
-    agents = f"{count:,} agent{'s' if count != 1 else ''}" + (f" of {total:,}" if count < total else "")
+    agents = counted(count, "agent") + (f" of {total:,}" if count < total else "")
     return f"{content.name}: {agents}, seed {content.seed}"
 
 

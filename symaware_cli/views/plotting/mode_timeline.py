@@ -109,7 +109,7 @@ def strips_of(curves: PlottedCurves, window: Window) -> ModeTimeline | None:
 
 
 def _strip(name: str, times: Sequence[int] | Any, modes: Sequence[str], window: Window) -> ModeStrip | None:
-    """Return the strip of some modes, each of which begins at a time [ns]; None if none is in the window."""
+    """Return the strip of modes that begin at some times [ns]; None if none of them is in the window."""
     ends = [*np.asarray(times)[1:].tolist(), window.end]
     phases: list[ModePhase] = []
     for start, end, mode in zip(np.asarray(times).tolist(), ends, modes, strict=True):

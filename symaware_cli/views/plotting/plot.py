@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.geometry import wrapped
 from symaware_cli.log import Log, LogError, whole_file
 from symaware_cli.views.plotting.content import gather
 from symaware_cli.views.plotting.curves import PlottedCurves
@@ -33,7 +34,7 @@ def plot(log: Log, path: str | os.PathLike[str], request: PlotRequest | None = N
         The content that was drawn.
 
     Raises:
-        LogError: There is nothing to plot, the log does not have what was requested, or matplotlib is not installed.
+        LogError: There is nothing to plot, the log lacks requested data, or matplotlib is not installed.
         OutputError: The file cannot be written.
     """
     path, request = Path(path), request or PlotRequest()
@@ -165,7 +166,7 @@ def _elements(one: Log, other: Log) -> Iterator[PlottedCurves]:
             there[curves.times > theirs[name].times[-1]] = np.nan
             difference = np.abs(there - curves.values[:, rows])
             if curves.unit == "rad":
-                difference = np.abs((difference + np.pi) % (2 * np.pi) - np.pi)
+                difference = np.abs(wrapped(difference))
             if np.isfinite(difference).any():
                 lines = tuple(curves.lines[number] for number in rows)
                 yield PlottedCurves(f"difference of {name}", curves.unit, curves.times, difference, lines)

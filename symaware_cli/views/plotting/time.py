@@ -214,7 +214,7 @@ def draw_modes(axes: Axes, timeline: ModeTimeline) -> tuple[list[Line2D | Patch]
     """Draw a strip for each subject with modes, with the names of the modes where they fit.
 
     Returns:
-        The entries of the legend, of which there are none, and the sentences of the caption.
+        No entries of the legend, and the sentences of the caption.
     """
     count = len(timeline.strips)
     small = min(1.0, max(0.6, _ROWS / count)) * float(mpl.rcParams["font.size"])

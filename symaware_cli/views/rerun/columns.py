@@ -23,7 +23,7 @@ class ColumnReceiver(Protocol):
     """Takes columns for a recording, as `RerunOutput` does; below, k is a number of instants.
 
     Attributes:
-        theme: The colours of what is around agents.
+        theme: The colours of the surroundings of agents.
     """
 
     theme: ReplayTheme

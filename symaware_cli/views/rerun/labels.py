@@ -49,7 +49,7 @@ class SceneView:
 
 @dataclass
 class _Motion:
-    """Positions since labels were placed, and the last ones before; NaN for what is hidden or not known yet."""
+    """Positions since labels were placed, and the last ones before; NaN if hidden or not known yet."""
 
     last: Array
     times: list[NDArray[np.int64]] = field(default_factory=list)
@@ -60,7 +60,7 @@ class _Motion:
         self.positions.append(positions)
 
     def at(self, times: NDArray[np.int64]) -> Array:
-        """Return the positions at some instants (k, ...), the last ones known, and forget what is before their end."""
+        """Return the last known positions at some instants, (k, ...), and forget those before the last instant."""
         own = np.concatenate([np.empty(0, np.int64), *self.times])
         known = np.concatenate([self.last[None], *self.positions])
         end = int(np.searchsorted(own, times[-1], side="right"))

@@ -36,7 +36,7 @@ class RerunOutput:
     """Shows marks in a Rerun recording; below, k is a number of instants.
 
     Attributes:
-        theme: The colours of what is around agents.
+        theme: The colours of the surroundings of agents.
     """
 
     def __init__(self, recording: rr.RecordingStream, theme: ReplayTheme = DARK, view: SceneView | None = None) -> None:
@@ -44,7 +44,7 @@ class RerunOutput:
 
         Args:
             recording: The recording.
-            theme: The colours of what is around agents.
+            theme: The colours of the surroundings of agents.
             view: The view in which labels are placed; None if it is not known how large the scene is.
         """
         self._recording, self.theme = recording, theme

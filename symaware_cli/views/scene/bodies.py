@@ -46,7 +46,7 @@ class Agents(Drawing):
                 yield self._mark(group_view, times, *self.postures(group_view, times, chunk), chunk)
 
     def legend(self) -> Iterator[tuple[str, str]]:
-        """Yield what the bodies are."""
+        """Yield the marks of bodies, and their meaning."""
         group_views = self.run_view.group_views.items()
         believed = [name for name, group_view in group_views if not group_view.state_topic.startswith("/world/")]
         said = f" ({', '.join(believed)}: believed)" if believed else ""
@@ -129,7 +129,7 @@ class Trails(Drawing):
             )
 
     def legend(self) -> Iterator[tuple[str, str]]:
-        """Yield what is seen, and what it means."""
+        """Yield the marks that are seen, and their meaning."""
         yield "lines behind", "past positions"
 
 

@@ -105,7 +105,7 @@ class Contacts(Drawing):
         )
 
     def legend(self) -> Iterator[tuple[str, str]]:
-        """Yield what is seen, and what it means."""
+        """Yield the marks that are seen, and their meaning."""
         yield "red rings", "contacts"
 
     def _touches(self, entries: Sequence[logged_events.LoggedContact], chunk: Chunk) -> list[tuple[_Touch, Array]]:

@@ -1,4 +1,4 @@
-"""Drawings, each of which draws one kind of content of a log as marks.
+"""Drawings: each draws one kind of content of a log as marks.
 
 Reasons: docs/decisions/0067-drawings-exports-and-reports-are-plugins.md
 """
@@ -31,7 +31,7 @@ class Drawing(ABC):
     """Draws one kind of content of a log as marks.
 
     Attributes:
-        outputs: What it draws for.
+        outputs: The kinds of output in which it draws.
         order: Drawings draw in this order, which matters where marks cover each other; those of this package have
             orders below 1,000.
         panel: The name of a panel of its own for its `Curves`, whose paths then begin with ``curves/<panel>/``: a view
@@ -60,7 +60,7 @@ class Drawing(ABC):
         return ()
 
     def legend(self) -> Iterable[tuple[str, str]]:
-        """Yield what is seen, and what it means, for the explanation of a replay."""
+        """Yield the marks that are seen, and their meaning, for the explanation of a replay."""
         return ()
 
     def shown_rows(self, group_view: GroupView) -> list[int]:
@@ -94,10 +94,10 @@ class Drawing(ABC):
 
 
 class _DrawingKind(PluginKind):
-    """Drawings, which declare what they draw for."""
+    """The kind of plugin `drawing`; drawings declare the kinds of output in which they draw."""
 
     def fault(self, loaded: Any) -> str | None:
-        """Return why an object is not a drawing, or declares what there is not."""
+        """Return why an object is no drawing, or that it declares an unknown kind of output; None without a fault."""
         fault = super().fault(loaded)
         if fault is not None:
             return fault

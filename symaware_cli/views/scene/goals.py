@@ -58,7 +58,7 @@ class Goals(Drawing):
                     yield from self._goals(group_view, time)
 
     def legend(self) -> Iterator[tuple[str, str]]:
-        """Yield what is seen, and what it means."""
+        """Yield the marks that are seen, and their meaning."""
         yield "crosses", "goals and waypoints; of many waypoints all but the last are dots"
 
     def _goals(self, group_view: GroupView, time: int) -> Iterator[Crosses | Points | Lines]:

@@ -1,4 +1,4 @@
-"""Marks: what is drawn, as arrays, without reference to agents or their meaning.
+"""Marks: shapes to draw, as arrays, without reference to agents or their meaning.
 
 A mark is shown at its path from each of its instants until the next, and replaces the previous one. Backends show
 marks, and ignore kinds that they do not support.

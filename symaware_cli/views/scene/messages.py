@@ -95,7 +95,7 @@ class Messages(Drawing):
         yield from self._arrows(np.unique(np.concatenate([instants, gone])), told[which], instants, chunk)
 
     def legend(self) -> Iterator[tuple[str, str]]:
-        """Yield what is seen, and what it means."""
+        """Yield the marks that are seen, and their meaning."""
         yield "yellow arrows", "messages at delivery"
         yield "red lines that end at a cross", "lost messages"
 
@@ -254,5 +254,5 @@ class Informed(Drawing):
             )
 
     def legend(self) -> Iterator[tuple[str, str]]:
-        """Yield what is seen, and what it means."""
+        """Yield the marks that are seen, and their meaning."""
         yield "yellow dots", "agents that received a spreading message"

@@ -36,7 +36,7 @@ class Intents(Drawing):
                     yield from ways(path, layer, group_view, name, series, rows)
 
     def legend(self) -> Iterator[tuple[str, str]]:
-        """Yield what is seen, and what it means."""
+        """Yield the marks that are seen, and their meaning."""
         yield "fading lines ahead", "intents"
 
 
@@ -164,7 +164,7 @@ class Uncertainties(Drawing):
                     yield _fans(f"{path}/samples", layer, group_view, series, rows, samples)
 
     def legend(self) -> Iterator[tuple[str, str]]:
-        """Yield what is seen, and what it means."""
+        """Yield the marks that are seen, and their meaning."""
         yield "ellipses", "uncertainty of the position, 95 %"
         yield "thin fans", "samples of the future"
 

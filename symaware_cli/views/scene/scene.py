@@ -121,7 +121,7 @@ class Scene:
         return found
 
     def legend(self) -> Iterator[tuple[str, str]]:
-        """Yield what is seen, and what it means."""
+        """Yield the marks that are seen, and their meaning."""
         for drawing in tuple(self.drawings):
             try:
                 yield from list(drawing.legend())

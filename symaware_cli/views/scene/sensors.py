@@ -48,7 +48,7 @@ class Scans(Drawing):
                     yield self._rays(f"as/{agent}/scan/{sensor}", sensor, own, group_view, _NEAR_POINT)
 
     def legend(self) -> Iterator[tuple[str, str]]:
-        """Yield what is seen, and what it means."""
+        """Yield the marks that are seen, and their meaning."""
         yield "fine points", "ends of lidar rays, and points found by other sensors"
 
     def _rays(self, path: str, sensor: str, found: Sequence[LoggedScan], group_view: GroupView, size: float) -> Rays:

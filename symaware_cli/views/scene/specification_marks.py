@@ -30,8 +30,8 @@ class SpecificationCurves(Drawing):
     """Draws a curve for each agent or pair: the upper bound of the robustness, and finally the robustness.
 
     Attributes:
-        most: Maximum number of rows with a curve each; with more, only the least is drawn: how many are violated is
-            among the verdicts.
+        most: Maximum number of rows with a curve each; with more, only the least robustness is drawn; the
+            verdicts have the number of violated rows.
     """
 
     outputs: ClassVar = frozenset({"replay"})
@@ -114,7 +114,7 @@ class VerdictStrips(Drawing):
 
 
 def verdict_in_words(verdicts: NDArray[np.int8]) -> str:
-    """Return the verdict on all rows (n,): violated if one is, and by how many; otherwise how many are satisfied."""
+    """Return the verdict on all rows (n,): violated if one is, with their number; else the number of satisfied ones."""
     violated, satisfied, count = int((verdicts < 0).sum()), int((verdicts > 0).sum()), len(verdicts)
     if count == 1:
         return "violated" if violated else "satisfied" if satisfied else "undecided"
@@ -303,7 +303,7 @@ class SpecificationTable(Drawing):
 
 
 def _bars(values: Array) -> list[tuple[str, str]]:
-    """Return each number with its bar, relative to the greatest of them; nothing for what is unknown or negative."""
+    """Return each number with its bar, relative to the greatest of them; no bar for unknown or negative ones."""
     greatest = float(np.fmax.reduce(values, initial=0.0))
     cells = []
     for value in values.tolist():

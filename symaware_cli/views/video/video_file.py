@@ -56,7 +56,7 @@ def write_video(path: Path, suffix: str, frames: Iterable[Pixels], colours: Sequ
         path: The file.
         suffix: The format, one of `VIDEO_FORMATS`.
         frames: The frames, each (height, width, 3).
-        colours: The colours that occur, of which the first is the background, for formats with few colours.
+        colours: The colours that occur, for formats with few colours; the first one is the background.
 
     Raises:
         OutputError: ffmpeg fails.

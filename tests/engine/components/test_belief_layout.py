@@ -134,7 +134,7 @@ def test_the_log_has_the_same_columns_whoever_made_it(way: str, model: str, tmp_
         assert found == pytest.approx(truth.column(axis)[number], abs=0.05)
 
 
-def test_what_is_neither_a_motion_nor_a_state_is_refused_with_the_names_of_what_is() -> None:
+def test_a_belief_of_the_wrong_size_is_refused_with_both_valid_forms() -> None:
     ready = simulation({"robot": Team(count=2, model=Unicycle())})
     ready.initialise()
     database = ready.groups[0].agents[0].awareness_database

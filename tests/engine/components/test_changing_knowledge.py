@@ -141,7 +141,7 @@ def test_there_is_a_case_for_every_built_in_component_that_needs_knowledge() -> 
 
 
 @each_case
-def test_what_an_agent_comes_to_know_in_a_run_counts(use: str) -> None:
+def test_knowledge_gained_in_a_run_counts(use: str) -> None:
     case = CASES[use]
     one = ready(use, changing(case), case)
     summary = execute(one, case.steps)
@@ -150,7 +150,7 @@ def test_what_an_agent_comes_to_know_in_a_run_counts(use: str) -> None:
 
 
 @pytest.mark.parametrize("use", sorted(set(CASES) - {"control.velocity-obstacle"}))  # its agents avoid each other
-def test_what_one_agent_comes_to_know_is_nothing_to_the_others_of_its_group(use: str) -> None:
+def test_knowledge_of_one_agent_is_not_that_of_its_group(use: str) -> None:
     case = CASES[use]
     both, alone = ready(use, changing(case), case, count=2), ready(use, lambda agent: None, case, count=2)
     for each in (both, alone):
@@ -206,7 +206,7 @@ def test_in_a_process_of_its_own_it_learns_of_changes_likewise(use: str) -> None
 
 @each_case
 @pytest.mark.parametrize("value", [[1.0], "nowhere", None, [[0.0, 1.0], "x"]], ids=["short", "text", "None", "mixed"])
-def test_knowledge_that_makes_no_sense_ends_the_run_with_what_is_expected(use: str, value: list[float] | str) -> None:
+def test_invalid_knowledge_ends_the_run_with_a_description_of_valid_values(use: str, value: list[float] | str) -> None:
     case = CASES[use]
 
     def spoil(agent: Agent) -> None:

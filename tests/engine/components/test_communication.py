@@ -17,7 +17,7 @@ from symaware_cli.engine.network.topology.fixed import Complete
 
 
 class TestStates:
-    def test_what_one_is_told_of_another_is_where_it_was_and_went(self) -> None:
+    def test_a_message_about_another_has_its_position_and_velocity(self) -> None:
         # Robots stand 1 m apart and move at 2 m/s; what is told arrives with the next step.
         watch = Watch({"robot": team(control=lambda agent: [2.0, 0.0], tell=StateSender, hear=Inbox)})
         awareness = watch.groups["robot"].awareness
@@ -45,7 +45,7 @@ class TestStates:
         expected = np.kron([[spread, between], [between, moving]], np.eye(2))
         assert np.allclose(tracks.covariances, expected)
 
-    def test_who_says_nothing_more_is_forgotten(self) -> None:
+    def test_an_agent_that_sends_no_more_is_forgotten(self) -> None:
         watch = Watch(
             {"robot": team(tell=made(StateSender, threshold=100.0), hear=made(Inbox, memory=0.5))},
         )
@@ -70,7 +70,7 @@ class TestStates:
         assert [sender for _, sender in later] == ["robot.1"]
         assert 12 <= later[0][0] <= 15
 
-    def test_knowledge_that_is_told_along_is_known_of_the_other(self) -> None:
+    def test_knowledge_in_a_message_becomes_knowledge_of_the_sender(self) -> None:
         knowledge = [{"goal": [1.0, 2.0]}, {"goal": [3.0, 4.0]}]
         watch = Watch(
             {"robot": team(knowledge=knowledge, tell=made(StateSender, knowledge=("goal",)), hear=Inbox)}
@@ -78,7 +78,7 @@ class TestStates:
         agent = watch.groups["robot"].agents[0]
         assert agent.knowledge_database["robot.1"]["goal"].tolist() == [3.0, 4.0]
 
-    def test_what_is_seen_wins_over_what_was_told_before(self) -> None:
+    def test_detections_take_precedence_over_earlier_messages(self) -> None:
         see = made(RangePerception, range=1.5)
         watch = Watch({"robot": Team({"sense": see, "tell": StateSender, "hear": Inbox}, count=3)}).run(4)
         tracks = watch.groups["robot"].awareness.tracks
@@ -129,7 +129,7 @@ class TestStates:
         assert error("latest") == pytest.approx(1.0, rel=0.2)
         assert error("window") == pytest.approx(1.0 / np.sqrt(20), rel=0.3)
 
-    def test_what_cannot_be_told_is_found_before_the_run(self) -> None:
+    def test_unsendable_knowledge_is_reported_before_the_run(self) -> None:
         group = team(knowledge=[{"name": "a"}, {"name": "b"}]).group("robot")
         for parameters, problem in (
             ({"knowledge": ("goal",)}, "do not know `goal`"),

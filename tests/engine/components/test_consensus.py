@@ -77,7 +77,7 @@ class TestConsensus:
         assert len({event.source for event in watch.fired("agreed")}) == 12
 
     @pytest.mark.parametrize("graph", [Ring, Complete])
-    def test_who_is_told_another_value_takes_all_others_to_the_new_mean(self, graph: type[FixedTopology]) -> None:
+    def test_an_agent_with_a_new_value_takes_all_others_to_the_new_mean(self, graph: type[FixedTopology]) -> None:
         def tell(agent: Agent) -> None:
             if agent.row == 2 and agent.surroundings.clock.now == 40 * STEP:
                 agent.self_knowledge["value"] = agent.self_knowledge["value"] + 10.0
@@ -213,7 +213,7 @@ class TestMetropolisWeights:
             assert np.allclose(watch.frames[1], 8.0, atol=1e-9)
 
     @pytest.mark.parametrize("channel", [None, {"loss": 0.3}])
-    def test_who_begins_anew_after_agreeing_stays_with_the_mean(self, channel: Mapping[str, Any] | None) -> None:
+    def test_an_agent_that_restarts_after_agreeing_stays_with_the_mean(self, channel: Mapping[str, Any] | None) -> None:
         values = {"cat": 1.0, "dog": 3.0, "emu": 8.0, "fox": 20.0}
         watch = watched(values, None, Star, channel, weights="metropolis")
         watch.fault(Restart, "cat", "agree", 270).fault(Restart, "emu", "agree", 290)
@@ -277,7 +277,7 @@ class TestLateMessages:
 
 class TestBeginningAnew:
     @pytest.mark.parametrize("channel", [None, {"loss": 0.3}, {"delay": 0.12, "loss": 0.1}])
-    def test_who_has_agreed_stays_with_the_mean(self, channel: Mapping[str, Any] | None) -> None:
+    def test_an_agent_that_has_agreed_stays_with_the_mean(self, channel: Mapping[str, Any] | None) -> None:
         watch = watched({"cat": 1.0, "dog": 3.0, "emu": 8.0}, 0.14, channel=channel)
         watch.fault(Restart, "cat", "agree", 70).fault(Restart, "emu", "agree", 90).fault(Restart, "cat", "agree", 100)
         watch.run(400, lambda: known(watch))
@@ -285,7 +285,7 @@ class TestBeginningAnew:
         assert np.allclose(watch.frames[70:], watch.frames[69].mean(), atol=1e-2)
 
     @pytest.mark.parametrize("kind", [Restart, Freeze])
-    def test_those_on_the_way_agree_on_what_lies_between(self, kind: type[Fault]) -> None:
+    def test_agents_on_the_way_agree_on_a_value_between(self, kind: type[Fault]) -> None:
         watch = watched({"cat": 1.0, "dog": 3.0, "emu": 8.0}, 0.14)
         watch.fault(kind, "dog", "agree", 8, None if kind is Restart else 40).run(400, lambda: known(watch))
         frames = np.array(watch.frames)
@@ -296,13 +296,13 @@ class TestBeginningAnew:
 
 
 class TestNoEnd:
-    def test_what_is_not_finite_is_a_failure(self) -> None:
+    def test_a_value_that_is_not_finite_is_a_failure(self) -> None:
         watch = watched({"cat": 1.0, "dog": 3.0, "emu": 8.0}, 1.0)
         watch.run(3000, status="failed")
         assert "the consensus on `value` diverges" in present(watch.summary.failure)
         assert watch.fired("unstable")[0].time == STEP
 
-    def test_on_failure_decides_what_becomes_of_it(self) -> None:
+    def test_on_failure_decides_what_happens_to_the_agent(self) -> None:
         watch = watched({"cat": 1.0, "dog": 3.0, "emu": 8.0}, 1.0, timing=Timing(on_failure="isolate"))
         watch.run(3000)
         assert {event.source for event in watch.fired("terminated")} >= {"agents.cat"}

@@ -38,7 +38,7 @@ def test_shapes_and_kinds_count() -> None:
     assert same(np.array([1.0, np.nan]), np.array([1.0, np.nan]))
 
 
-def test_series_and_awareness_are_compared_by_what_they_say() -> None:
+def test_series_and_awareness_are_compared_by_their_values() -> None:
     series = {0.0: [1.0, np.nan]}
     assert same(TimeSeries(series), copy.deepcopy(TimeSeries(series)))
     assert not same(TimeSeries(series), TimeSeries({0.5: [1.0, np.nan]}))
@@ -48,7 +48,7 @@ def test_series_and_awareness_are_compared_by_what_they_say() -> None:
     assert not same(AwarenessVector("a", [1.0]), AwarenessVector("b", [1.0]))
 
 
-def test_what_cannot_be_compared_is_the_same_as_itself_alone() -> None:
+def test_incomparable_values_equal_only_themselves() -> None:
     one = object()
     assert same(one, one)
     assert not same(one, object())

@@ -27,7 +27,7 @@ class TestFlooding:
         watch = Watch({"robot": Team({"tell": flooding}, count=count, knowledge=knowledge)}, topology, channel)
         return watch.run(steps)
 
-    def test_what_is_flooded_goes_on_from_one_to_the_next(self) -> None:
+    def test_flooded_messages_pass_from_agent_to_agent(self) -> None:
         watch = self.flood(6, 10)
         heard = {event.source: (event.time // STEP, event.data["hops"]) for event in watch.fired("heard")}
         assert heard == {f"agents.robot.{number}.tell": (number, number) for number in range(1, 6)}
@@ -36,7 +36,7 @@ class TestFlooding:
     def test_it_dies_when_its_time_is_over(self) -> None:
         assert len(self.flood(6, 10, time_to_live=3).fired("heard")) == 3
 
-    def test_what_comes_another_way_is_suppressed(self) -> None:
+    def test_a_copy_over_another_path_is_suppressed(self) -> None:
         watch = self.flood(8, 10, Complete)
         assert len(watch.fired("heard")) == 7
         # The first tells 7; each of these tells all but the first and itself, once.
@@ -47,7 +47,7 @@ class TestFlooding:
         assert len(self.flood(8, 60, Ring, channel).fired("heard")) == 7
 
     @pytest.mark.parametrize("who", ["origin", "other"])
-    def test_what_is_told_after_a_restart_is_heard(self, who: str) -> None:
+    def test_messages_after_a_restart_are_received(self, who: str) -> None:
         teams = {
             "origin": Team({"tell": made(Flooding, names=("alarm",), interval=0.5)}, knowledge=[{"alarm": "fire"}]),
             "other": Team({"tell": Flooding}),
@@ -80,7 +80,7 @@ class TestNews:
             (0, lambda known: known.update(value="text"), 2),
         ],
     )
-    def test_it_is_told_as_often_as_it_changes(
+    def test_a_value_is_sent_at_each_change(
         self, first: float | list[Any], write: Callable[..., Any], times: int
     ) -> None:
         team = Team(

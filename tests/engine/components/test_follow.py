@@ -89,7 +89,7 @@ def test_the_intent_leads_to_the_place_beside_the_leader() -> None:
     assert intent.values[-1] == pytest.approx(leader + np.array([10.0 - 2.0, 1.0]), abs=0.1)
 
 
-def test_who_has_no_belief_about_the_leader_stops_and_says_so_once() -> None:
+def test_an_agent_without_a_belief_about_the_leader_stops_with_one_event() -> None:
     teams = led([[-2.0, 1.0]])
     untyped(teams["robot"].components)["sense"] = SelfPerception
     ready = simulation(teams)

@@ -41,7 +41,7 @@ class TestGossip:
         watch.run(60)
         assert len(watch.fired("informed")) == 29
 
-    def test_who_begins_anew_does_not_spread_old_news(self) -> None:
+    def test_an_agent_that_restarts_does_not_spread_old_values(self) -> None:
         def change(agent: Agent) -> list[float]:
             if agent.id == "robot.0" and agent.surroundings.clock.now == 20 * STEP:
                 agent.self_knowledge["rumour"] = "no fire"
@@ -53,7 +53,7 @@ class TestGossip:
         watch.fault(Restart, "robot", "tell", 21, rows=[1, 2]).run(60)
         assert {known["rumour"] for known in watch.groups["robot"].knowledge} == {"no fire"}
 
-    def test_who_begins_anew_still_spreads_its_own_news(self) -> None:
+    def test_an_agent_that_restarts_still_spreads_its_own_value(self) -> None:
         def change(agent: Agent) -> list[float]:
             if agent.id == "robot.0" and agent.surroundings.clock.now == 20 * STEP:
                 agent.self_knowledge["rumour"] = "no fire"
@@ -64,7 +64,7 @@ class TestGossip:
         watch.fault(Restart, "robot", "tell", 22, rows=[0]).run(90)
         assert {known["rumour"] for known in watch.groups["robot"].knowledge} == {"no fire"}
 
-    def test_what_one_knows_from_the_start_is_as_old_as_the_start_however_late_it_begins(self) -> None:
+    def test_initial_knowledge_is_as_old_as_the_run_even_in_components_that_begin_late(self) -> None:
         def change(agent: Agent) -> None:
             if agent.surroundings.clock.now == 5 * STEP:
                 agent.self_knowledge["rumour"] = "no fire"

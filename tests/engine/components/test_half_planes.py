@@ -130,7 +130,7 @@ def test_an_agents_answer_depends_neither_on_the_others_nor_on_padding() -> None
             assert nearest_velocity(one, preferred[row : row + 1], SPEED)[0].tobytes() == together[row].tobytes()
 
 
-def test_what_weighs_less_gives_way_less() -> None:
+def test_a_half_plane_with_less_weight_is_relaxed_less() -> None:
     head_on = planes(np.array([0.0, np.pi]), np.array([-0.5, -0.5]), np.array([0.01, 1.0]))
     velocity, _ = nearest_velocity(head_on, np.zeros((1, 2)), SPEED)
     assert velocity[0, 0] == pytest.approx(-0.5 + 0.01 / 1.01, abs=1e-6)

@@ -125,7 +125,7 @@ def others(awareness: GroupAwareness) -> list[int]:
 
 
 class TestSeeing:
-    def test_one_message_does_not_hide_those_who_are_seen_and_say_nothing(self) -> None:
+    def test_one_message_does_not_hide_silent_agents_that_are_seen(self) -> None:
         scene = Scene(
             a=speaker(),
             b=Team({"see": OmniscientPerception, "hear": Inbox}, count=2, state=[[5, 0], [6, 0]]),
@@ -179,7 +179,7 @@ class TestSeeing:
         ages = [frame[0] for frame in scene.run(40, lambda: present(scene.awareness().tracks).ages)]
         assert ages == pytest.approx(np.arange(41)[: len(ages)] % 40 * STEP / 1e9)
 
-    def test_what_was_told_stays_whichever_side_of_the_filter_the_inbox_stands(self) -> None:
+    def test_received_information_stays_on_either_side_of_the_filter(self) -> None:
         first = {"sense": SelfPerception, "hear": Inbox, "filter": GaussianUncertainty}
         last = {"sense": SelfPerception, "filter": GaussianUncertainty, "hear": Inbox}
         scene = Scene(a=speaker(), b=Team(first), c=Team(last))
@@ -200,7 +200,7 @@ class TestForgetting:
         assert frames[9] == [0]
         assert frames[13:] == [[]] * len(frames[13:])
 
-    def test_a_restart_does_not_stop_what_comes_later(self) -> None:
+    def test_a_restart_does_not_stop_later_turns(self) -> None:
         channel = {"delay": 5 * STEP / 1e9}
         scene = Scene(Complete, channel, a=speaker(), b=Team({"sense": SelfPerception, "hear": Inbox}))
 
@@ -211,7 +211,7 @@ class TestForgetting:
         frames = scene.run(60, look, again=scene.restart("b.hear", 20))
         assert frames[-1] == pytest.approx(5 * STEP / 1e9)
 
-    def test_who_goes_straight_on_and_speaks_only_if_it_must_is_not_forgotten(self) -> None:
+    def test_an_agent_that_moves_straight_and_seldom_sends_is_not_forgotten(self) -> None:
         scene = Scene(a=speaker(made(StateSender, threshold=0.5)), b=Team({"hear": Inbox}))
         frames = scene.run(240, lambda: others(scene.awareness()))
         assert frames[2:] == [[0]] * len(frames[2:])
@@ -251,7 +251,7 @@ class TestBroadcasts:
             assert column is not None
             assert np.array_equal(column[0], column[1])
 
-    def test_the_covariance_of_the_sender_is_told_with_it(self) -> None:
+    def test_a_message_has_the_covariance_of_its_sender(self) -> None:
         components = {"sense": SelfPerception, "filter": made(GaussianUncertainty, initial_deviation=2.0)}
         scene = Scene(
             a=Team({"filter": components["filter"], "tell": Broadcast}),
@@ -285,7 +285,7 @@ class TestBroadcasts:
         assert frames[20:] == [None] * len(frames[20:])
         assert not database.received
 
-    def test_what_a_broadcast_said_can_be_looked_up(self) -> None:
+    def test_the_content_of_a_broadcast_can_be_looked_up(self) -> None:
         scene = Scene(a=speaker(Broadcast), b=Team({"hear": Inbox}))
         scene.run(4)
         told = scene.groups["b"].agents[0].awareness_database.received["a"]
@@ -295,7 +295,9 @@ class TestBroadcasts:
 
 class TestKnowledge:
     @pytest.mark.parametrize("tell", [StateSender, Broadcast])
-    def test_what_was_sent_last_stays_whatever_comes_last(self, tell: type[Component | GroupComponent]) -> None:
+    def test_the_message_that_was_sent_last_stays_regardless_of_arrivals(
+        self, tell: type[Component | GroupComponent]
+    ) -> None:
         def count(agent: Agent) -> None:
             agent.self_knowledge["value"] = float(agent.surroundings.clock.now // STEP)
 
@@ -311,7 +313,7 @@ class TestKnowledge:
 
     @pytest.mark.parametrize("tell", [StateSender, Broadcast])
     @pytest.mark.parametrize("name", ["position", "velocity", "state", "covariance", "awareness"])
-    def test_knowledge_does_not_take_the_place_of_what_is_told_of_the_body(
+    def test_knowledge_does_not_replace_messages_about_the_body(
         self, tell: type[Component | GroupComponent], name: str
     ) -> None:
         with pytest.raises(ValidationError, match=f"as `{name}`"):

@@ -49,7 +49,7 @@ def test_the_rectangle_passes_a_gap_that_the_disc_does_not() -> None:
     assert (len(summary.goals_reached), summary.contacts) == (0, 0)
 
 
-def test_a_rectangle_does_not_turn_into_what_is_beside_it() -> None:
+def test_a_rectangle_does_not_turn_into_a_body_beside_it() -> None:
     # The goal is behind a robot between two walls, in which it cannot turn around.
     content = document("control.dynamic-window", 0.5, [-3.0, 0.0], footprint="rectangle", radius=SIDE)
     content["agents"]["robot"]["state"] = [2.0, 0.0, 0.0]
@@ -81,6 +81,6 @@ def test_planners_take_the_same_disc() -> None:
 
 
 @pytest.mark.parametrize("options", [{"radius": 0.0}, {"footprint": "star"}])
-def test_what_is_no_body_is_refused(options: dict[str, Any]) -> None:
+def test_an_impossible_footprint_is_refused(options: dict[str, Any]) -> None:
     with pytest.raises(ScenarioError, match=next(iter(options))):
         scenario(document("control.dynamic-window", 0.6, **options))

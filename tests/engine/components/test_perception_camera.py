@@ -61,7 +61,7 @@ def turn(ready: Simulation) -> Frame | None:
     return found
 
 
-def test_it_looks_forwards_and_sees_what_stands_there_and_how_far_away() -> None:
+def test_it_looks_forwards_and_measures_distances_to_bodies() -> None:
     image = frame({}).images[0]
     assert image is not None
     assert image.colour.shape == (48, 64, 3)
@@ -72,7 +72,7 @@ def test_it_looks_forwards_and_sees_what_stands_there_and_how_far_away() -> None
     assert image.segments[-1, 0] == GROUND
 
 
-def test_what_is_seen_is_as_large_as_the_field_of_view_says() -> None:
+def test_the_sizes_of_seen_bodies_follow_from_the_field_of_view() -> None:
     wide, narrow = (
         (present(frame({"field_of_view": view, "width": 256, "height": 192}).images[0]).segments == THE_CRATE).sum()
         for view in (1.2, 0.6)

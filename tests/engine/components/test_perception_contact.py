@@ -48,7 +48,7 @@ def series(path: Path) -> Iterator[Any]:
     return open_log(path).messages("/agents/robot/measurement/feel")
 
 
-def test_who_touches_a_wall_feels_one_body_until_it_has_left(tmp_path: Path) -> None:
+def test_an_agent_at_a_wall_senses_one_contact_until_it_leaves(tmp_path: Path) -> None:
     path = tmp_path / "touch.mcap"
     simulated(path=path)
     log = open_log(path)
@@ -71,7 +71,7 @@ def test_a_hit_is_felt_once_as_hard_as_the_log_says(tmp_path: Path) -> None:
     assert (impulses > 0).sum() <= sum(contact.stage == "BEGIN" for contact in open_log(path).contacts())
 
 
-def test_a_sensor_that_drops_out_feels_nothing_it_could_tell(tmp_path: Path) -> None:
+def test_a_sensor_that_drops_out_reports_nothing(tmp_path: Path) -> None:
     path = tmp_path / "dropout.mcap"
     simulated(path=path, steps=100, dropout=0.3)
     values = np.array([message.decode().values for message in series(path)])

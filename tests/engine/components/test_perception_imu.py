@@ -47,16 +47,16 @@ def felt(
     return np.array(found)
 
 
-def test_who_rests_feels_the_ground() -> None:
+def test_a_resting_body_measures_the_force_of_the_ground() -> None:
     np.testing.assert_allclose(felt(Unicycle(), [0, 0, 1.0], [0, 0])[:, 0], [[0, 0, 9.81, 0, 0, 0]] * 3, atol=1e-12)
 
 
-def test_who_accelerates_is_pushed_along() -> None:
+def test_an_accelerating_body_measures_its_acceleration() -> None:
     found = felt(DoubleIntegrator(), [0, 0, 1, 0], [0.5, -0.25])
     np.testing.assert_allclose(found[1:, 0], [[0.5, -0.25, 9.81, 0, 0, 0]] * 2, atol=1e-9)
 
 
-def test_who_drives_in_a_circle_is_pushed_to_its_middle() -> None:
+def test_a_body_on_a_circle_measures_the_centripetal_acceleration() -> None:
     """The centripetal acceleration is speed times turn rate; means over a step differ from it by its square."""
     found = felt(Unicycle(), [0, 0, 0.3], [1.0, 0.5], turns=5)[2:, 0]
     np.testing.assert_allclose(found[:, 1], 0.5, rtol=1e-3)
@@ -111,7 +111,7 @@ def test_errors_have_their_deviations_and_each_unit_its_bias() -> None:
     np.testing.assert_allclose(bias, [0.5] * 3 + [0.05] * 3, rtol=0.35)
 
 
-def test_who_else_there_is_changes_nothing_for_an_agent() -> None:
+def test_other_agents_change_nothing_for_an_agent() -> None:
     one, two = (
         felt(Unicycle(), [0, 0, 0], [1, 0], count=count, acceleration_noise=0.2, dropout=0.3) for count in (1, 2)
     )

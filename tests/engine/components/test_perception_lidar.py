@@ -195,7 +195,7 @@ def test_in_space_a_ray_meets_a_ball_at_the_height_of_the_sensor() -> None:
 
 
 @pytest.mark.parametrize("use", ["kinematic", "pymunk", "pybullet"])
-def test_it_sees_what_moves_where_it_is_now(use: str) -> None:
+def test_it_sees_moving_bodies_at_their_present_positions(use: str) -> None:
     bus = {"shape": {"box": {"length": 1, "width": 1}}, "path": {"times": [0, 1], "positions": [[3, 0], [5, 0]]}}
     ready = begun({"rays": 1}, obstacles={"bus": bus}, use=use)
     with ready.environment:

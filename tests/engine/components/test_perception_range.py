@@ -127,7 +127,7 @@ def brute_force(
 
 @given(scenes())
 @settings(max_examples=60)
-def test_an_agent_sees_whom_geometry_says_and_nobody_else(scene: dict[str, Any]) -> None:
+def test_an_agent_sees_exactly_the_agents_in_its_field_of_view(scene: dict[str, Any]) -> None:
     obstacles = {
         **{
             f"circle{number}": Obstacle(shape={"circle": {"radius": radius}}, position=(x, y))
@@ -169,7 +169,7 @@ def test_an_agent_sees_whom_geometry_says_and_nobody_else(scene: dict[str, Any])
 
 @given(st.integers(0, 2**32 - 1), st.floats(0.5, 6.0))
 @settings(max_examples=25)
-def test_what_is_seen_without_errors_is_the_truth(seed: int, reach: float) -> None:
+def test_detections_without_errors_are_the_truth(seed: int, reach: float) -> None:
     chance = np.random.default_rng(seed)
     state = chance.uniform(0, 5, (20, 2))
     ready = begun({"robot": Team(sense(range=reach), count=20, state=state.tolist())})
@@ -201,7 +201,7 @@ def test_nothing_that_is_seen_shares_memory_with_the_world() -> None:
             assert not np.shares_memory(own, theirs)
 
 
-def test_who_is_out_of_sight_is_forgotten_at_once() -> None:
+def test_an_agent_out_of_sight_is_forgotten_at_once() -> None:
     still = Team(sense(range=1.0), state=[[0.0, 0.0]])
     ready = begun({"robot": still, "visitor": Team(state=[[0.9, 0.0]])})
     turn(ready)
@@ -360,7 +360,7 @@ def test_the_order_of_groups_changes_nothing(neighbours: dict[str, Any]) -> None
     assert perceived(dict(reversed(neighbours.items()))) == perceived(neighbours)
 
 
-def test_a_visitor_changes_nothing_for_those_who_do_not_see_it(neighbours: dict[str, Any]) -> None:
+def test_a_visitor_changes_nothing_for_agents_that_do_not_see_it(neighbours: dict[str, Any]) -> None:
     state = np.array([*neighbours["robot"].state, *neighbours["other"].state])
     state[:, :2] *= 100
     spread = {
@@ -382,7 +382,7 @@ def test_a_visitor_changes_nothing_for_those_who_do_not_see_it(neighbours: dict[
 
 @given(st.integers(0, 7), st.floats(-0.49, 0.49), st.integers(0, 2**32 - 1))
 @settings(max_examples=20)
-def test_what_is_seen_late_is_the_world_of_then_to_the_bit(steps: int, odd: float, seed: int) -> None:
+def test_late_detections_equal_the_world_of_that_time_to_the_bit(steps: int, odd: float, seed: int) -> None:
     assume(steps + odd >= 0)
     chance = np.random.default_rng(seed)
     team = Team(
@@ -416,7 +416,7 @@ def test_what_is_seen_late_is_the_world_of_then_to_the_bit(steps: int, odd: floa
         step(ready)
 
 
-def test_a_moving_wall_hides_whom_it_hid_then() -> None:
+def test_a_moving_wall_hides_agents_by_its_position_at_that_time() -> None:
     path = {"times": [0.0, 5 * STEP / 1e9], "positions": [[0.0, 10.0], [0.0, 0.0]]}
     wall = Obstacle(shape={"box": {"length": 0.2, "width": 1.0}}, path=path)
     pair = Team(sense(range=9.0, occlusion=True, delay=3 * STEP / 1e9), count=2, state=[[-2, 0], [2, 0]])
@@ -460,7 +460,7 @@ BODY = Entity(shape={"cylinder": {"radius": 0.2, "height": 1.0}}, mass=1.0)
 
 
 @every_world
-def test_what_stands_between_two_hides_them_from_each_other_whatever_the_world(use: str) -> None:
+def test_a_body_between_two_agents_hides_them_from_each_other_in_every_world(use: str) -> None:
     things = {
         "disc": {"shape": {"cylinder": {"radius": 0.5, "height": 2.0}}, "position": [0, 0]},
         "box": {"shape": {"box": {"length": 1, "width": 1, "height": 2}}, "position": [0, 4], "heading": math.pi / 4},
@@ -505,7 +505,7 @@ def test_in_space_things_hide_by_their_very_shape(thing: dict[str, Any], hides: 
 
 
 @every_world
-def test_what_was_moved_hides_where_it_is_now(use: str) -> None:
+def test_a_moved_body_hides_agents_at_its_new_place(use: str) -> None:
     """In the physics worlds the bulldozer pushes the crate out of the way; elsewhere it goes by itself."""
     crate: dict[str, Any] = {"shape": {"box": {"length": 0.5, "width": 0.5, "height": 1.0}}}
     if use == "kinematic":

@@ -103,14 +103,14 @@ def test_each_agent_follows_its_own_line(tmp_path: Path) -> None:
         (Bicycle(), [[0, 0], [0, 0], [1, 1]], "are equal"),
     ],
 )
-def test_what_it_cannot_work_with_is_said(model: HeadingModel, waypoints: list[list[int]], said: str) -> None:
+def test_unusable_options_are_reported(model: HeadingModel, waypoints: list[list[int]], said: str) -> None:
     group = AgentGroup("car", ["car"], model, Entity(), [[0, 0, 0]], [{"waypoints": waypoints}])
     with pytest.raises(ValueError, match=said):
         PurePursuit().check(group)
 
 
 @pytest.mark.parametrize("heading", [np.pi, -np.pi, 3.0, 2.0])
-def test_who_has_the_line_behind_it_turns_round(heading: float, tmp_path: Path) -> None:
+def test_an_agent_with_the_line_behind_it_turns_round(heading: float, tmp_path: Path) -> None:
     line = [[0.0, 0.0], [4.0, 0.0], [4.0, 4.0]]
     states, events = drive(tmp_path / "log", line, [0, 0, heading], 400, tolerance=0.1)
     assert [event.name for event in events].count("goal-reached") == 1

@@ -19,7 +19,7 @@ class TestRequests:
             "robot": Team({"answer": Request}, count=2, knowledge=[{"goal": 1}, {"goal": "north", "secret": 2}]),
         }
 
-    def test_who_is_asked_answers_what_it_knows(self) -> None:
+    def test_an_agent_that_is_asked_answers_from_its_knowledge(self) -> None:
         watch = Watch(self.teams()).run(10)
         known = watch.groups["boss"].agents[0].knowledge_database
         assert (dict(known["robot.0"]), dict(known["robot.1"])) == ({"goal": 1}, {"goal": "north"})
@@ -28,7 +28,7 @@ class TestRequests:
             (2 * STEP, "robot.1"),
         ]
 
-    def test_who_does_not_answer_is_asked_again(self) -> None:
+    def test_an_agent_that_does_not_answer_is_asked_again(self) -> None:
         watch = Watch(self.teams(timeout=0.2, tries=100), Complete, {"loss": 0.6}).run(300)
         assert {event.data["other"] for event in watch.fired("answered")} == {"robot.0", "robot.1"}
         assert watch.simulation.exchange.sent > 4
@@ -42,7 +42,7 @@ class TestRequests:
         watch = Watch(self.teams(interval=0.5)).run(60)
         assert len(watch.fired("answered")) == 2 * 5
 
-    def test_who_was_given_up_is_asked_again_after_the_interval(self) -> None:
+    def test_an_agent_that_was_given_up_is_asked_again_after_the_interval(self) -> None:
         # The links of the first 3 s lose everything.
         watch = Watch(self.teams(timeout=0.2, tries=3, interval=2.0), Complete, {"loss": 1.0})
         lost = watch.simulation.exchange.network
@@ -81,7 +81,7 @@ class TestRequests:
         for (one, who), (other, whom) in itertools.combinations(asked, 2):
             assert who != whom or other - one >= 0.4e9
 
-    def test_who_does_not_know_says_so(self) -> None:
+    def test_an_agent_without_the_knowledge_answers_that_it_has_none(self) -> None:
         asking = made(Request, whom=("robot.*",), names=("goal", "gaol"))
         teams = {**self.teams(), "boss": Team({"ask": asking})}
         watch = Watch(teams | {"robot": Team({"answer": Request}, count=2, knowledge=[{"goal": 1}, {}])}).run(10)

@@ -190,7 +190,7 @@ GEOMETRIES = {
 
 
 @pytest.mark.parametrize("geometry", GEOMETRIES.values(), ids=GEOMETRIES)
-def test_the_probability_is_what_sampling_finds(
+def test_the_probability_agrees_with_sampling(
     geometry: tuple[list[float], list[float], float, list[list[float]], float],
 ) -> None:
     apart, closing, radius, covariance, horizon = geometry
@@ -297,7 +297,7 @@ def test_risks_of_several_encounters_add_up_to_one_at_most() -> None:
     assert both[1:].tolist() == [0.0, 0.0]  # who believes in nobody fears nobody
 
 
-def test_who_doubts_its_own_position_fears_as_much_as_who_doubts_the_others() -> None:
+def test_uncertainty_of_the_own_position_counts_like_that_of_others() -> None:
     known = believing([METRE, NOTHING], own=np.zeros((2, 2)))[0]
     assert believing([METRE, NOTHING])[0] == known
     shared = believing([0.4 * METRE, NOTHING], own=0.6 * np.eye(2))[0]
@@ -306,7 +306,7 @@ def test_who_doubts_its_own_position_fears_as_much_as_who_doubts_the_others() ->
     assert shared == pytest.approx(known + either)
 
 
-def test_who_doubts_its_heading_doubts_where_it_will_be() -> None:
+def test_an_uncertain_heading_makes_predicted_positions_uncertain() -> None:
     def risk(deviation: float) -> float:
         own = np.diag([0.01, 0.01, deviation**2])
         ready = simulation({"robot": Team(ROLLING, 2, [[0, 0, 0], [6, 1.4, 0]], model=Unicycle(), entity=DISC)})

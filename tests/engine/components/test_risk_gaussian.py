@@ -20,7 +20,7 @@ def box(x: float, y: float, *, low: tuple[float, float] = (0.0, 0.0)) -> Pieces:
 
 @settings(max_examples=60)
 @given(seeds, st.floats(0, 6.3))
-def test_the_probability_of_a_box_is_what_two_normals_say(seed: int, turn: float) -> None:
+def test_the_probability_of_a_box_is_the_product_of_two_normals(seed: int, turn: float) -> None:
     random = np.random.default_rng(seed)
     low, size = random.uniform(-2, 1, 2), random.uniform(0.1, 3, 2)
     deviations = 10.0 ** random.uniform(-4, 1, 2)

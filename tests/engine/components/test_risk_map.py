@@ -56,6 +56,6 @@ def test_maps_are_recorded_at_their_rate(tmp_path: Path) -> None:
         ({"least": 0.0}, "greater than 0"),
     ],
 )
-def test_what_cannot_be_a_map_is_refused(options: dict[str, Any], said: str) -> None:
+def test_an_impossible_map_is_refused(options: dict[str, Any], said: str) -> None:
     with pytest.raises(sa.ScenarioError, match=said):
         sa.scenario(content(**options))

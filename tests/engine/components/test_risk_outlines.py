@@ -109,7 +109,7 @@ class Pair:
 @pytest.mark.parametrize(
     ("doubt", "count", "samples"), [("known", 200, 4000), ("velocity", 200, 4000), ("turning", 40, 400)]
 )
-def test_the_bound_is_never_below_what_sampling_finds(
+def test_the_bound_is_never_below_the_sampled_probability(
     kinds: tuple[str, str], doubt: str, count: int, samples: int
 ) -> None:
     random = np.random.default_rng([PAIRS.index(kinds), len(doubt)])

@@ -42,7 +42,7 @@ def document(steer: str, *more: tuple[str, Any], model: str = "unicycle", **opti
 
 
 @pytest.mark.parametrize(("steer", "model"), [(VFH, "unicycle"), (VFH, "single-integrator"), (WINDOW, "unicycle")])
-def test_robots_reach_their_goals_past_what_they_see(steer: str, model: str) -> None:
+def test_robots_reach_their_goals_past_seen_obstacles(steer: str, model: str) -> None:
     summary = scenario(document(steer, model=model, deviation=0.01)).run(record=False).summary
     assert summary.goals_reached == ("robot.0", "robot.1")
     assert summary.contacts == 0
@@ -100,7 +100,7 @@ def test_a_robot_leaves_a_place_that_is_surrounded_at_a_distance(last_resort: fl
     assert summary.contacts == 0
 
 
-def test_who_counts_the_unseen_as_occupied_does_not_start_without_a_scan() -> None:
+def test_an_agent_that_counts_the_unseen_as_occupied_does_not_start_without_a_scan() -> None:
     content = document(VFH, unseen="occupied")
     content["agents"]["robot"]["components"]["lidar"]["with"]["dropout"] = 1.0
     assert not scenario(content).run(record=False, duration=15.0).summary.goals_reached

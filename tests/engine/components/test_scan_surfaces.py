@@ -52,7 +52,7 @@ class Looking:
         return self.surfaces.nearest(self.group, found, where, reach, bounding_radii(self.environment))
 
 
-def test_the_nearest_points_of_what_is_seen_are_those_of_the_bodies() -> None:
+def test_the_nearest_seen_points_are_those_of_the_bodies() -> None:
     robots = Looking([[0.0, 0.0, 0.7]])
     robots.look(rays=720)
     seen, there = robots.nearest(), robots.environment.scenery.nearest(robots.group.initial_state, 8.0)
@@ -78,7 +78,7 @@ def test_surfaces_stay_where_they_were_seen_while_the_agent_moves() -> None:
     assert np.allclose(seen.point[seen.distance.argmin()], [0.0, 1.9], atol=0.01)
 
 
-def test_each_agent_has_what_it_sees_itself() -> None:
+def test_each_agent_has_its_own_detections() -> None:
     robots = Looking([[0.0, 1.0, 0.0], [2.0, 0.0, 3.0]])
     robots.look()
     seen = robots.nearest(reach=1.2)
@@ -86,7 +86,7 @@ def test_each_agent_has_what_it_sees_itself() -> None:
     assert (np.diff(seen.row) >= 0).all()
 
 
-def test_what_is_measured_with_errors_counts_as_nearer() -> None:
+def test_surfaces_measured_with_errors_count_as_nearer() -> None:
     exact, careful = Looking([[0.0, 1.0, 0.0]]), Looking([[0.0, 1.0, 0.0]], deviation=0.05)
     exact.look()
     careful.look()
@@ -102,7 +102,7 @@ def test_an_agent_that_is_known_is_no_obstacle_and_one_that_is_not_is() -> None:
 
 
 @pytest.mark.parametrize(("unseen", "blocked"), [("free", 0), ("occupied", 1)])
-def test_what_was_not_looked_at_counts_as_the_scenario_says(unseen: str, blocked: int) -> None:
+def test_unevaluated_specifications_count_as_the_scenario_says(unseen: str, blocked: int) -> None:
     robots = Looking([[0.0, 0.0, 0.0]], unseen=unseen)
     robots.look(rays=91, reach=1.0, field_of_view=np.pi)
     near = robots.surfaces.near(robots.surfaces.returns(robots.group, 0), robots.group.initial_state[:, :2])

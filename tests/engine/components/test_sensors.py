@@ -154,7 +154,7 @@ def test_it_measures_as_often_as_its_period_says(kind: str, world: str) -> None:
 
 
 @everywhere
-def test_its_errors_have_the_deviation_that_it_is_told(kind: str, world: str) -> None:
+def test_its_errors_have_the_given_deviation(kind: str, world: str) -> None:
     sensor = KINDS[kind]
     exact, noisy = values(known(kind, world)), values(known(kind, world, **untyped({sensor.noise: sensor.deviation})))
     assert (np.isfinite(exact) == np.isfinite(noisy)).mean() > 0.99  # but for who is just within range
@@ -173,7 +173,7 @@ def test_its_errors_have_the_deviation_that_it_is_told(kind: str, world: str) ->
 
 
 @everywhere
-def test_what_it_measured_is_known_a_delay_later(kind: str, world: str) -> None:
+def test_measurements_are_known_a_delay_later(kind: str, world: str) -> None:
     prompt, late = known(kind, world), known(kind, world, delay=2 * STEP / 1e9)
     told = [each for each in late if each is not None and (each[1] is None or each[1] >= 0)]
     assert [now for now, _, _ in told] == [k * STEP for k in range(2, STEPS)]
@@ -182,7 +182,7 @@ def test_what_it_measured_is_known_a_delay_later(kind: str, world: str) -> None:
 
 
 @everywhere
-def test_it_misses_as_much_as_it_is_told(kind: str, world: str) -> None:
+def test_its_share_of_misses_is_the_given_one(kind: str, world: str) -> None:
     exact = values(known(kind, world))
     could = ~np.isnan(exact)
     missed = np.isnan(values(known(kind, world, dropout=0.3)))[could]

@@ -148,7 +148,9 @@ def test_files_of_components_are_relative_to_the_scenario_that_names_them(tmp_pa
         (np.ones((60, 4)), {"step": 0.3}, r"step \(0.3\) must divide the horizon \(1\)"),
     ],
 )
-def test_what_cannot_calibrate_is_refused(tmp_path: Path, errors: Any, parameters: dict[str, Any], said: str) -> None:
+def test_an_unsuitable_calibration_is_refused(
+    tmp_path: Path, errors: Any, parameters: dict[str, Any], said: str
+) -> None:
     if errors is not None:
         write_table(tmp_path / "table.parquet", errors)
     (tmp_path / "run.yaml").write_text(yaml.safe_dump(pairs(2, **{**CALIBRATION, **parameters}), sort_keys=False))

@@ -270,7 +270,7 @@ def test_the_covariances_of_others_always_are(seed: int, position: float, veloci
             assert_is_covariance(tracks.covariances)
 
 
-def test_what_is_measured_exactly_is_known_exactly() -> None:
+def test_exact_measurements_give_exact_beliefs() -> None:
     components = sense(range=9.0) | believe(initial_deviation=1.0, acceleration_noise=0.0)
     run = Run({"robot": Team(components, count=4, model=Unicycle(Unicycle.Parameters(process_noise=0.1)))})
     group = run.group["robot"]
@@ -560,21 +560,21 @@ def passing(**parameters: float) -> list[int]:
     return known
 
 
-def test_who_is_out_of_sight_is_remembered_for_as_long_as_the_memory() -> None:
+def test_an_agent_out_of_sight_is_remembered_for_the_memory() -> None:
     # Seen up to step 10, at 1 m.
     assert passing(memory=0.0) == [1] * 11 + [0] * 49
     assert passing(memory=0.5) == [1] * 21 + [0] * 39
     assert passing(memory=99.0) == [1] * 60
 
 
-def test_who_could_be_anywhere_is_given_up() -> None:
+def test_an_agent_with_a_too_uncertain_belief_is_given_up() -> None:
     # Out of sight the variance of the position is at most 0.01^2 + q t^3 / 3, and 0.2 m are reached before 0.5 s.
     known = passing(memory=99.0, max_deviation=0.2, acceleration_noise=1.0)
     assert sum(known) in (20, 21)
     assert known == sorted(known, reverse=True)
 
 
-def test_who_comes_back_is_one_whom_one_knows() -> None:
+def test_an_agent_that_comes_back_is_recognised() -> None:
     run = Run(watching(1).pop("teams"), obstacles=watching(1)["obstacles"])
     variances = []
     for _ in range(70):
@@ -630,7 +630,7 @@ def test_beliefs_share_no_memory_with_the_world() -> None:
         run.step()
 
 
-def test_who_perceives_everybody_without_error_does_not_lose_sight_of_them() -> None:
+def test_an_agent_with_perfect_perception_does_not_lose_sight_of_others() -> None:
     team = Team({"sense": OmniscientPerception, "estimate": GaussianUncertainty}, count=3)
     run = Run({"robot": team})
     for _ in range(3):

@@ -34,7 +34,7 @@ SMALL = st.floats(-2, 2).map(lambda value: round(value, 6))
     st.floats(0, 1),
     st.tuples(*[st.tuples(st.floats(-2, 2), st.floats(0, 2))] * 2),
 )
-def test_two_who_keep_to_their_half_planes_do_not_touch_within_the_horizon(
+def test_two_agents_in_their_half_planes_do_not_touch_within_the_horizon(
     place: tuple[float, float],
     velocity: tuple[float, float],
     towards: tuple[float, float],
@@ -98,7 +98,7 @@ def meeting(model: NoisyModel, **parameters: Any) -> Team:
 
 
 @pytest.mark.parametrize("model", [SingleIntegrator(), Unicycle(), DoubleIntegrator()], ids=lambda m: type(m).__name__)
-def test_two_who_head_for_each_other_pass_on_the_right_and_arrive(model: NoisyModel) -> None:
+def test_two_agents_that_head_for_each_other_pass_on_the_right_and_arrive(model: NoisyModel) -> None:
     ready = simulation({"robot": meeting(model)})
     middle = []
     ready.events.subscribe("stepped", lambda _: middle.append(ready.environment.snapshot().positions.copy()))
@@ -112,7 +112,7 @@ def test_two_who_head_for_each_other_pass_on_the_right_and_arrive(model: NoisyMo
     assert closest[1, 1] > 0.1
 
 
-def test_who_is_alone_goes_straight() -> None:
+def test_an_agent_alone_moves_straight() -> None:
     team = Team(steering(speed=1.0), 1, [[0.0, 0.0]], [{"goal": [9.0, 3.0]}], entity=DISC)
     ready = simulation({"robot": team})
     ready.initialise()
@@ -121,7 +121,7 @@ def test_who_is_alone_goes_straight() -> None:
     assert ready.groups[0].control_input[0] == pytest.approx(np.array([9, 3]) / np.hypot(9, 3))
 
 
-def test_who_is_not_perceived_is_not_avoided() -> None:
+def test_an_unperceived_agent_is_not_avoided() -> None:
     blind = {"sense": SelfPerception, "steer": steering()["steer"]}
     team = meeting(SingleIntegrator())
     team.components = blind

@@ -117,7 +117,7 @@ def test_the_intent_never_goes_faster_than_the_agent_and_stays_on_the_way(places
 
 
 @pytest.mark.parametrize("waypoints", [[1.0, 2.0], [[1.0, 2.0, 3.0]], 5.0])
-def test_what_is_no_list_of_positions_is_refused(waypoints: Any) -> None:
+def test_anything_but_a_list_of_positions_is_refused(waypoints: Any) -> None:
     group = Team({}, 1, [[0.0, 0.0]], [{"waypoints": waypoints}]).group("robot")
     with pytest.raises(ValueError, match="`waypoints`"):
         Waypoints().check(group)

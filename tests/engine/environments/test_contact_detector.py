@@ -141,7 +141,7 @@ def test_whoever_overlaps_is_in_contact_and_nobody_else(seed: int) -> None:
         states = [state + random.normal(scale=0.7, size=state.shape) for state in states]
 
 
-def test_a_contact_is_told_of_when_it_begins_and_when_it_ends_and_not_in_between() -> None:
+def test_a_contact_is_reported_at_its_beginning_and_end_only() -> None:
     run = Run([(PLANE, DISC, 2)])
     places = [3.0, 1.2, 0.8, 0.5, 0.9, 1.0, 1.5, 0.9]
     told = [[contact.begins for contact in run.put([[0, 0], [x, 0]])] for x in places]
@@ -231,7 +231,7 @@ def cart(**path: bool) -> Obstacle:
     return Obstacle(shape=DISC, path=ScriptedPath(times=(0.0, 1.0), positions=((0, 0), (10, 0)), **path))
 
 
-def test_who_overlaps_at_the_start_is_in_contact_at_time_zero(tmp_path: Path) -> None:
+def test_bodies_that_overlap_at_the_start_are_in_contact_at_time_zero(tmp_path: Path) -> None:
     triangle = Shape(polygon=Polygon(vertices=[(-1, -1), (1, -1), (0, 1)]))
     teams = {
         "robot": Team({"steer": Right}, count=2, state=[[0, 0], [0.5, 0]], entity=Entity(shape=triangle)),

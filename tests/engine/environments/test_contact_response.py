@@ -191,7 +191,7 @@ SCENARIO = {
         ("end", "1, the first ends the run", 1.2, 0),
     ],
 )
-def test_the_summary_says_what_contacts_did(kind: str, said: str, time: float, goals: int) -> None:
+def test_the_summary_has_the_effects_of_contacts(kind: str, said: str, time: float, goals: int) -> None:
     result = scenario(SCENARIO, {"environment.with.on_contact": kind}).run(record=False)
     assert f"contacts       {said}" in str(result)
     assert result.summary.simulated_time == pytest.approx(time)

@@ -134,7 +134,7 @@ class Rush(GroupComponent):
         self._group.control_input = value
 
 
-def test_what_was_requested_and_what_was_applied_are_both_in_the_log(tmp_path: Path) -> None:
+def test_requested_and_applied_control_inputs_are_both_in_the_log(tmp_path: Path) -> None:
     team = Team({"rush": Rush}, count=2, model=made(Unicycle, max_speed=1.0, max_turn_rate=2.0))
     simulate({"robot": team}, 3, tmp_path / "run.mcap")
     log = open_log(tmp_path / "run.mcap")
@@ -143,7 +143,7 @@ def test_what_was_requested_and_what_was_applied_are_both_in_the_log(tmp_path: P
     assert log.series("robot.1", "applied_control").values[0].tolist() == [0.5, 0.25]
 
 
-def test_the_world_moves_by_what_was_applied() -> None:
+def test_the_world_moves_by_applied_control_inputs() -> None:
     group = group_of(made(SingleIntegrator, max_speed=1.0))
     group.control_input = np.array([[30.0, 40.0]])
     environment = world(group, time_step=1.0)

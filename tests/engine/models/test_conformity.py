@@ -62,7 +62,7 @@ BROKEN = [
 
 @pytest.mark.parametrize("model", EVERYTHING.values(), ids=EVERYTHING)
 @pytest.mark.parametrize(("name", "how"), BROKEN)
-def test_whatever_has_another_form_is_told_with_the_method(
+def test_values_of_another_form_are_reported_with_the_method(
     model: Model, name: str, how: Callable[..., list[NDArray[np.float64]]]
 ) -> None:
     def called(*arguments: Any) -> Any:

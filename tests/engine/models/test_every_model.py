@@ -63,7 +63,7 @@ def test_every_model_that_is_registered_is_tested_here() -> None:
 @every_model
 @settings(max_examples=40)
 @given(count=st.integers(1, 40), seed=st.integers(0, 2**32 - 1))
-def test_what_becomes_of_a_row_does_not_depend_on_the_rows_around_it(model: Model, count: int, seed: int) -> None:
+def test_a_row_does_not_depend_on_the_rows_around_it(model: Model, count: int, seed: int) -> None:
     random = np.random.default_rng(seed)
     arrays = [
         numbers(random, count, len(model.state)),
@@ -86,7 +86,7 @@ def test_what_becomes_of_a_row_does_not_depend_on_the_rows_around_it(model: Mode
 
 
 @every_model
-def test_one_row_among_ten_thousand_is_what_it_is_alone(model: Model) -> None:
+def test_one_row_among_ten_thousand_equals_the_row_alone(model: Model) -> None:
     state, control_input = states_and_inputs(model, 10_000)
     velocity, factor = state[:, : len(model.position)], np.full(10_000, 0.3)
     everybody = list(outcomes(model, state, control_input, velocity, factor))
@@ -253,6 +253,6 @@ def test_parameters_that_make_no_sense_are_refused(kind: type[HeadingModel], bad
         made(kind, **{**sound, **bad})
 
 
-def test_an_aircraft_must_be_told_its_limits() -> None:
+def test_an_aircraft_requires_its_limits() -> None:
     with pytest.raises(ValueError, match=r"(?s)min_speed.*max_speed.*max_turn_rate"):
         made(DubinsAircraft)

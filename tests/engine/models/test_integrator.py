@@ -46,7 +46,7 @@ def test_runge_kutta_is_exact_for_the_integrators_and_euler_errs_in_proportion_t
 
 
 @pytest.mark.parametrize(("kind", "limit"), [(SingleIntegrator, "max_speed"), (DoubleIntegrator, "max_acceleration")])
-def test_what_is_too_long_keeps_its_direction(kind: type[NoisyModel], limit: str) -> None:
+def test_an_input_beyond_the_limit_keeps_its_direction(kind: type[NoisyModel], limit: str) -> None:
     assert np.allclose(made(kind, **{limit: 1.0}).limit(np.array([[3.0, 4.0], [0.3, 0.4]])), [[0.6, 0.8], [0.3, 0.4]])
     space = made(kind, **{limit: 3.0}, dimensions=3)
     assert np.allclose(space.limit(np.array([[2.0, 4.0, 4.0], [1.0, 2.0, 2.0]])), [[1.0, 2.0, 2.0]] * 2)

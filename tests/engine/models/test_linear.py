@@ -128,7 +128,7 @@ def test_parameters_that_make_no_sense_are_refused(bad: dict[str, list[Any]], co
 
 
 @pytest.mark.parametrize("name", ["time_step", "state", "control_input", "A", "B"])
-def test_it_must_be_told_what_it_is(name: str) -> None:
+def test_its_quantities_and_matrices_are_required(name: str) -> None:
     with pytest.raises(ValueError, match=f"(?s){name}.*required"):
         made(Linear, **{key: value for key, value in WALK.items() if key != name})
 

@@ -178,7 +178,7 @@ def test_the_ground_pushes_back() -> None:
     assert climbed(ground_effect=True) == pytest.approx(0.03 + 0.5 * 0.38 * 0.04, rel=0.05)
 
 
-def test_who_flies_above_pushes_down_who_is_below_and_nobody_else() -> None:
+def test_the_downwash_of_a_quadrotor_pushes_only_the_one_below() -> None:
     parameters = Quadrotor.Parameters(downwash=True)
     environment, group, model = flight(resting((0, 0, 1.0), (0, 0, 1.5), (3, 0, 1.0)), Quadrotor(parameters))
     with environment:
@@ -222,7 +222,7 @@ def test_a_plane_is_no_place_to_fly() -> None:
         flight(resting((0, 0, 1)), kind=PymunkEnvironment)
 
 
-def test_what_becomes_of_one_does_not_depend_on_the_others() -> None:
+def test_a_quadrotor_flies_alike_alone_and_among_others() -> None:
     states = resting(*((2.0 * number, 0.0, 1.0) for number in range(5)))
     wanted = np.array([[0.3 * number, 0.1, 0.2] for number in range(5)])
 
@@ -269,7 +269,7 @@ def test_it_wanders_in_every_world_alike() -> None:
 
 
 @pytest.mark.parametrize("kind", [PyBulletEnvironment, KinematicEnvironment])
-def test_it_can_be_told_parts_of_the_greatest_speed_instead(kind: type[ColumnEnvironment]) -> None:
+def test_it_accepts_shares_of_the_greatest_speed_instead(kind: type[ColumnEnvironment]) -> None:
     ends = []
     for unit in ("speed", "normalised"):
         model = made(Quadrotor, input=unit)
@@ -286,7 +286,7 @@ def test_it_can_be_told_parts_of_the_greatest_speed_instead(kind: type[ColumnEnv
     assert [quantity.unit for quantity in model.control_input] == ["1"] * 4
 
 
-def test_it_brings_a_body_along_and_a_shape_of_the_scenario_is_what_others_keep_clear_of() -> None:
+def test_it_brings_a_body_and_others_keep_clear_of_the_shape_in_the_scenario() -> None:
     _, group, _ = flight([AWRY], kind=KinematicEnvironment)
     assert (group.entity.radius, group.entity.mass) == (0.07, MASS)
     guarded = AgentGroup("drone", ["drone"], Quadrotor(), Entity(shape={"circle": {"radius": 0.3}}), [AWRY])

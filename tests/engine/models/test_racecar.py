@@ -123,7 +123,7 @@ def test_elsewhere_it_is_a_bicycle_that_lags_behind() -> None:
     assert after[2] - before[2] == pytest.approx(np.tan(0.3) / WHEELBASE, rel=1e-3)
 
 
-def test_it_runs_into_what_stands_in_its_way_and_there_is_a_contact() -> None:
+def test_it_runs_into_a_body_in_its_way_and_there_is_a_contact() -> None:
     environment, group = road([[0.0] * 5, [1.5, 0.0, 0.0, 0.0, 0.0]])
     with environment:
         group.control_input = [[2.0, 0.0], [0.0, 0.0]]
@@ -203,7 +203,7 @@ def test_process_noise_moves_the_car_after_each_step() -> None:
         assert shaken.state(restless) - quiet.state(group) == pytest.approx(drawn, abs=1e-6)
 
 
-def test_the_body_that_it_brings_along_is_what_collides() -> None:
+def test_the_body_that_comes_with_the_model_collides() -> None:
     engine = pytest.importorskip("pybullet")
     environment, group = road([[0.0] * 5])
     with environment:

@@ -136,7 +136,7 @@ MIXES = st.tuples(CHANNELS, st.lists(st.tuples(AGENTS, CHANNELS), max_size=3), T
 
 @settings(max_examples=150, deadline=None)
 @given(MIXES, st.sets(st.integers(1, 99), max_size=6))
-def test_what_is_read_late_is_in_the_order_in_which_it_arrived(
+def test_messages_that_are_read_late_are_in_the_order_of_their_arrival(
     mix: tuple[ChannelParameters, list[tuple[int, ChannelParameters]], list[list[tuple[Any, Any, Any, Any]]]],
     steps: set[int],
 ) -> None:

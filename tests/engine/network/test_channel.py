@@ -136,7 +136,7 @@ def test_copies_are_as_many_as_their_probability_and_have_delays_of_their_own() 
     assert abs(np.corrcoef(fates.due[fates.copies], fates.copies_due)[0, 1]) < 0.1
 
 
-def test_what_overtakes_waits_where_order_is_kept() -> None:
+def test_a_message_that_overtakes_waits_where_order_is_kept() -> None:
     free, kept = (Link(delay={"exponential": 0.05}, in_order=each, duplication=0.2) for each in (False, True))
     due = [[int(link.carry(now * 1_000_000).due[0]) for now in range(300)] for link in (free, kept)]
     assert any(after < before for before, after in zip(due[0], due[0][1:], strict=False))
@@ -151,7 +151,7 @@ def test_messages_follow_each_other_as_fast_as_the_link_carries_them() -> None:
     assert due == [600_000_000, 700_000_000, 800_000_000, 1_600_000_000]
 
 
-def test_a_full_queue_turns_away_what_comes_last() -> None:
+def test_a_full_queue_refuses_the_newest_message() -> None:
     link = Link(bandwidth=1000.0, queue=250.0)
     fates = [link.carry(0, size=100) for _ in range(4)]
     assert [int(each.reason[0]) for each in fates] == [0, 0, QUEUE_FULL, QUEUE_FULL]
@@ -159,14 +159,14 @@ def test_a_full_queue_turns_away_what_comes_last() -> None:
     assert int(link.carry(50_000_000, size=100).reason[0]) == 0
 
 
-def test_what_was_turned_away_costs_the_link_nothing() -> None:
+def test_a_refused_message_does_not_use_the_link() -> None:
     link = Link(bandwidth=1000.0, queue=100.0)
     assert [int(link.carry(0).reason[0]) for _ in range(3)] == [0, QUEUE_FULL, QUEUE_FULL]
     assert int(link.carry(100_000_000).due[0]) == 200_000_000
 
 
 @pytest.mark.parametrize("bandwidth", [1000.0, 3000.0, 7000.0, 1e6 / 3, 3e9])
-def test_a_queue_holds_what_it_holds_whatever_the_nanoseconds(bandwidth: float) -> None:
+def test_the_capacity_of_a_queue_does_not_depend_on_nanoseconds(bandwidth: float) -> None:
     tail = Link(bandwidth=bandwidth, queue=160.0)
     head: LinkQueue[int] = LinkQueue(parameters(bandwidth=bandwidth, queue=160.0))
     assert [int(tail.carry(0, size=80).reason[0]) for _ in range(3)] == [0, 0, QUEUE_FULL]
@@ -206,7 +206,7 @@ def test_over_the_slowest_of_links_nothing_ever_arrives(drop: str) -> None:
 @given(
     st.lists(st.tuples(st.integers(0, 400_000_000), st.integers(32, 400)), min_size=1, max_size=40), st.integers(1, 5)
 )
-def test_a_queue_of_messages_holds_so_many_whatever_their_size(posts: list[tuple[int, int]], length: int) -> None:
+def test_a_queue_of_messages_holds_a_fixed_number_of_any_size(posts: list[tuple[int, int]], length: int) -> None:
     link = Link(bandwidth=1000.0, queue_length=length)
     now = 0
     inside: list[int] = []
@@ -257,7 +257,7 @@ def test_a_queue_of_messages_holds_for_heads_and_tails_of_a_whole_network() -> N
         assert [reason for _, reason in post.stage("dropped")] == ["queue-full"] * 2
 
 
-def test_a_queue_counts_bytes_also_when_a_link_is_narrowed_under_what_waits() -> None:
+def test_a_queue_counts_bytes_also_when_a_link_is_narrowed_while_messages_wait() -> None:
     link = Link(bandwidth=1e6, queue=1000.0)
     assert link.carry(0, size=900).reason == 0
     assert link.carry(0, size=80, narrowed=400.0).reason == 0
@@ -289,7 +289,7 @@ sends = st.lists(st.tuples(st.integers(0, 40), st.integers(32, 120)), max_size=1
 
 
 @given(sends, sends, st.tuples(*[st.sampled_from([300.0, 3000.0, 1e6 / 3])] * 2))
-def test_what_waits_is_what_the_times_at_which_messages_get_in_leave(
+def test_the_backlog_follows_from_the_times_at_which_messages_enter(
     before: list[tuple[int, int]], after: list[tuple[int, int]], bandwidths: tuple[float, float]
 ) -> None:
     link, now = Link(queue=1e6), 0
@@ -305,7 +305,7 @@ def test_what_waits_is_what_the_times_at_which_messages_get_in_leave(
             assert settled[0] == pytest.approx(waiting, rel=1e-6)
 
 
-def test_what_a_line_is_taking_counts_with_the_pace_at_which_it_is_taken() -> None:
+def test_a_message_that_enters_a_link_keeps_its_pace() -> None:
     line: LinkQueue[str] = LinkQueue(parameters(bandwidth=1000.0, queue=300.0))
     line.join(0, 100, "first")
     line.advance(0)
@@ -330,19 +330,19 @@ def test_a_line_without_a_bandwidth_waits_where_a_fault_sets_one() -> None:
     assert line.advance(1_000_000_000) == [("third", 1_000_000_000)]
 
 
-def test_what_is_lost_has_used_the_link() -> None:
+def test_a_lost_message_has_used_the_link() -> None:
     link = Link(bandwidth=1000.0, loss=1.0)
     assert [int(link.carry(0).due[0]) for _ in range(2)] == [100_000_000, 200_000_000]
 
 
-def test_what_is_too_old_is_dropped() -> None:
+def test_messages_that_are_too_old_are_dropped() -> None:
     fates = Link(MANY, delay={"uniform": [0.0, 0.2]}, max_age=0.15).carry(0)
     late = fates.reason == TOO_OLD
     assert (late == (fates.due > 150_000_000)).all()
     assert stats.binomtest(int(late.sum()), MANY, 0.25).pvalue > 1e-3
 
 
-def test_a_full_queue_may_push_out_what_waits_longest() -> None:
+def test_a_full_queue_may_drop_the_message_that_waits_longest() -> None:
     # Of messages of 132 bytes, one is on its way into the link when the others come, and there is room for one more.
     post = Post(
         laid(Complete, world(2)),
@@ -379,7 +379,7 @@ def test_the_tail_of_a_queue_is_its_newest() -> None:
     assert [message.payload["number"] for message, _ in post.stage("delivered")] == [0.0, 1.0]
 
 
-def test_each_link_has_chance_of_its_own_whoever_else_there_is() -> None:
+def test_the_draws_of_a_link_do_not_depend_on_other_agents() -> None:
     def lost(ids: int, senders: Sequence[int]) -> set[tuple[int, int, int]]:
         post = Post(laid(Complete, world(ids)), {"loss": 0.5})
         for now in range(1, 40):

@@ -66,7 +66,7 @@ topologies = st.sampled_from([(Complete, {}), (Star, {}), (Random, {"probability
 
 @settings(max_examples=120, deadline=None)
 @given(topologies, channels, channels, actions)
-def test_what_was_sent_is_delivered_dropped_or_in_flight_at_every_instant(
+def test_a_sent_message_is_delivered_dropped_or_in_flight_at_every_instant(
     topology: tuple[type[Topology], dict[str, Any]],
     channel: dict[str, dict[str, float] | float],
     other: dict[str, float | str],

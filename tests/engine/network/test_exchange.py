@@ -38,7 +38,7 @@ def test_a_message_is_not_there_before_the_next_step() -> None:
 
 
 @given(st.permutations([("car", 0), ("car", 1), ("robot.0", 0), ("robot.1", 0)]))
-def test_what_arrives_is_ordered_by_who_sent_it_not_by_who_was_first(order: list[tuple[str, int]]) -> None:
+def test_messages_of_one_instant_are_ordered_by_sender_and_not_by_sending(order: list[tuple[str, int]]) -> None:
     order = sorted(order, key=lambda each: each[0] == "car" and each[1])  # each sender's own order stays
     post = exchange()
     for sender, number in order:
@@ -49,7 +49,7 @@ def test_what_arrives_is_ordered_by_who_sent_it_not_by_who_was_first(order: list
     ]
 
 
-def test_who_does_not_listen_for_a_while_gets_everything_oldest_first() -> None:
+def test_an_agent_that_reads_seldom_receives_all_messages_oldest_first() -> None:
     post = exchange()
     for step in range(3):
         post.send(Message("robot.1", "car", {"step": step}))
@@ -60,7 +60,7 @@ def test_who_does_not_listen_for_a_while_gets_everything_oldest_first() -> None:
     ]
 
 
-def test_what_arrives_for_somebody_who_never_listens_is_delivered_and_not_kept() -> None:
+def test_messages_to_an_agent_without_an_inbox_are_delivered_and_not_kept() -> None:
     delivered: list[tuple[Message, str]] = []
     post = MessageExchange(
         IDS,
@@ -78,7 +78,7 @@ def test_what_arrives_for_somebody_who_never_listens_is_delivered_and_not_kept()
 
 
 @pytest.mark.parametrize(("sender", "receiver"), [("car", "bus"), ("bus", "car")])
-def test_nobody_writes_to_or_as_somebody_who_does_not_exist(sender: str, receiver: str) -> None:
+def test_no_message_has_an_unknown_sender_or_receiver(sender: str, receiver: str) -> None:
     with pytest.raises(UnknownReceiverError, match="no agent `bus`"):
         exchange().send(Message(sender, receiver, {}))
 
@@ -88,7 +88,7 @@ class Point(NamedTuple):
     y: float
 
 
-def test_what_was_sent_cannot_be_changed_any_more() -> None:
+def test_a_sent_message_cannot_be_changed() -> None:
     array, vector, names = np.zeros(2), AwarenessVector("car", [1.0, 1.0]), {"x"}
     inner: dict[str, Any] = {"a": [np.zeros(1)]}
     payload = {"array": array, "vector": vector, "inner": inner, "names": names, "point": Point(1.0, 2.0)}
@@ -123,7 +123,7 @@ def test_two_receivers_of_one_payload_do_not_share_it() -> None:
     assert second.payload["places"] == ["a"]
 
 
-def test_what_is_for_everybody_reaches_all_but_its_sender() -> None:
+def test_a_broadcast_reaches_all_agents_but_its_sender() -> None:
     post = exchange()
     post.send(Message("robot.0", "*", {"text": "hello"}))
     post.deliver(50)
@@ -195,7 +195,7 @@ def test_readers_of_single_agents_may_have_kinds_of_their_own_too() -> None:
     ]
 
 
-def test_what_arrives_is_ordered_by_when_it_does() -> None:
+def test_messages_are_ordered_by_arrival() -> None:
     post = Post(laid(Complete, world(3)), {"delay": {"exponential": 0.1}})
     for number in range(30):
         post.send(f"robot.{number % 3}", f"robot.{(number + 1) % 3}", number=number)
@@ -207,7 +207,7 @@ def test_what_arrives_is_ordered_by_when_it_does() -> None:
     assert [message.payload["number"] for message in delivered] != list(range(30))
 
 
-def test_what_travels_for_no_time_arrives_with_the_next_step() -> None:
+def test_a_message_without_delay_arrives_at_the_next_step() -> None:
     post = Post(laid(Complete, world(2)))
     post.exchange.deliver(20_000_000)
     post.send("robot.0", "robot.1")
@@ -299,15 +299,15 @@ def delayed_at_first(channel: Mapping[str, float]) -> Post:
     return post
 
 
-def test_what_a_fault_delays_is_overtaken_by_what_is_sent_after_it() -> None:
+def test_a_message_that_a_fault_delays_is_overtaken_by_later_ones() -> None:
     assert due(delayed_at_first({"delay": 0.01})) == [160, 210, 210, 260, 260, 310]
 
 
-def test_in_order_what_a_fault_delays_holds_up_what_is_sent_after_it() -> None:
+def test_in_order_a_delayed_message_holds_up_later_ones() -> None:
     assert due(delayed_at_first({"delay": 0.01, "in_order": True})) == [210, 260, 310, 310, 310, 310]
 
 
-def test_what_a_fault_delays_may_be_too_old() -> None:
+def test_a_message_that_a_fault_delays_may_be_too_old() -> None:
     post = delayed_at_first({"delay": 0.01, "max_age": 0.2})
     assert due(post) == [160, 210, 260]
     assert post.reasons() == {"too-old": 3}
@@ -336,7 +336,7 @@ def test_a_fault_narrows_links_of_any_kind(channel: dict[str, float | str] | Non
     assert 500 <= last <= 550
 
 
-def test_a_narrowed_link_drops_what_its_queue_does_not_hold() -> None:
+def test_a_narrowed_link_drops_messages_that_its_queue_cannot_hold() -> None:
     post = Post(laid(Line, world(2)), {"bandwidth": 1e6, "queue": 100.0})
     post.exchange.add_disturbances([Disturbance("mud", {"robot.0"}, {"robot.1"}, 0.0, 0, bandwidth=400.0)])
     for step in range(40):

@@ -39,11 +39,11 @@ def read(inboxes: Inboxes) -> tuple[list[list[str]], list[int]]:
     return columns, [len(inboxes.receive(id)) for id in IDS]
 
 
-def test_all_is_kept_for_those_who_take_part() -> None:
+def test_all_messages_are_kept_for_agents_that_take_part() -> None:
     assert read(filled()) == ([["b.0"], ["b.1"], ["b.0", "b.1"], ["b.0"]], [2, 2, 2])
 
 
-def test_what_is_unread_is_thrown_away_when_an_agent_stops() -> None:
+def test_unread_messages_are_dropped_when_an_agent_stops() -> None:
     inboxes = filled()
     inboxes.close("b.0")
     assert read(inboxes) == ([["b.1"], ["b.1"]], [2, 0, 2])
@@ -61,7 +61,7 @@ def test_nothing_is_kept_for_an_agent_that_stopped() -> None:
     assert read(inboxes) == ([], [2, 0, 0])
 
 
-def test_an_agent_that_takes_part_again_gets_what_comes_from_then_on() -> None:
+def test_an_agent_that_takes_part_again_receives_messages_from_then_on() -> None:
     inboxes = filled()
     inboxes.close("b.0")
     fill(inboxes)

@@ -58,7 +58,7 @@ def test_a_batch_has_ascending_senders_and_no_link_twice(sends: list[tuple[int, 
         assert len(set(links)) == len(links)
 
 
-def test_what_a_thousand_say_at_one_instant_is_one_batch() -> None:
+def test_messages_of_a_thousand_agents_at_one_instant_are_one_batch() -> None:
     sends = [(sender, (sender + step) % 1000, ("word",), "news") for sender in range(1000) for step in (1, 2)]
     (batch,) = joined(sends)
     assert len(batch.senders) == 2000
@@ -76,7 +76,7 @@ def test_single_messages_of_an_instant_travel_together() -> None:
     assert [message.payload for message in post.exchange.receive("a")] == [{"said": "b"}, {"said": "c"}]
 
 
-def test_a_batch_sets_out_after_what_was_sent_before() -> None:
+def test_a_batch_leaves_after_messages_that_were_sent_before() -> None:
     post = Post(ids=["a", "b"], kinds=["news"])
     post.exchange.send(Message("a", "b", {"said": 1.0}, "news"))
     post.post([0])

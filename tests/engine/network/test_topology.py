@@ -92,7 +92,7 @@ def test_a_torus_has_four_neighbours_each() -> None:
         (Random, {"probability": 0.0, "connected": True}, "none of 1000 drawn graphs is connected", ("probability",)),
     ],
 )
-def test_what_cannot_be_is_said_with_its_place(
+def test_impossible_parameters_are_reported_at_their_place(
     topology: type[FixedTopology], parameters: dict[str, Any], problem: str, path: tuple[int | str, ...]
 ) -> None:
     with pytest.raises(TopologyError, match=problem) as caught:
@@ -116,7 +116,7 @@ def test_a_random_graph_has_as_many_links_as_its_probability_says() -> None:
     assert stats.binomtest(len(directed), 150 * 149, 0.1).pvalue > 1e-3
 
 
-def test_whether_two_are_linked_at_random_does_not_depend_on_who_else_is_there() -> None:
+def test_a_random_link_between_two_agents_does_not_depend_on_other_agents() -> None:
     few, more = (laid(Random, world(count), probability=0.5).links(0) for count in (10, 20))
     assert pairs(few) == [each for each in pairs(more) if max(each) < 10]
     assert pairs(laid(Random, world(10), seed=8, probability=0.5).links(0)) != pairs(few)
@@ -208,7 +208,7 @@ def test_a_link_ends_at_somebody(ends: tuple[int, int]) -> None:
         ([(0, 1)], "of the type list instead of `Links`"),
     ],
 )
-def test_what_a_topology_says_is_looked_at(links: Links | list[tuple[int, int]], problem: str) -> None:
+def test_the_links_of_a_topology_are_checked(links: Links | list[tuple[int, int]], problem: str) -> None:
     topology = laid(Complete, world(3))
     topology._links = untyped(links)
     with pytest.raises((TypeError, ValueError), match=problem):
@@ -244,7 +244,7 @@ def test_those_within_range_reach_each_other(positions: list[tuple[float, float]
     assert pairs(links) == near(np.array(positions), reach)
 
 
-def test_who_reached_somebody_still_does_a_little_farther_away() -> None:
+def test_reached_agents_stay_reached_a_little_farther_away() -> None:
     walk = Walk([(0, 0), (5, 0)])
     topology = laid(Range, walk.environment, range=4.0, hysteresis=1.0)
     linked = []
@@ -254,7 +254,7 @@ def test_who_reached_somebody_still_does_a_little_farther_away() -> None:
     assert linked == [0, 2, 2, 2, 0, 0, 2]
 
 
-def test_who_reached_somebody_before_another_topology_held_begins_anew() -> None:
+def test_hysteresis_begins_anew_after_another_topology_held() -> None:
     walk = Walk([(0, 0), (3, 0)])
     phases = [
         TopologyPhase(0, laid(Range, walk.environment, range=4.0, hysteresis=1.0)),
@@ -308,7 +308,7 @@ def test_an_obstacle_in_between_cuts_a_link() -> None:
     assert pairs(links) == both((0, 2), (1, 3), (2, 3))
 
 
-def test_who_takes_no_part_reaches_nobody() -> None:
+def test_an_agent_that_takes_no_part_reaches_nobody() -> None:
     teams = {"car": Team(count=2, state=[[0, 0], [1, 0]]), "bike": Team(count=2, state=[[0, 1], [1, 1]])}
     environment = simulation(teams).environment
     everybody = laid(Range, environment, range=2.0)
@@ -320,7 +320,7 @@ def test_who_takes_no_part_reaches_nobody() -> None:
 
 
 @given(st.integers(1, 12), st.lists(st.tuples(st.integers(0, 11), st.integers(0, 11)), max_size=40))
-def test_parts_are_those_who_reach_each_other(count: int, edges: list[tuple[int, int]]) -> None:
+def test_parts_contain_agents_that_reach_each_other(count: int, edges: list[tuple[int, int]]) -> None:
     edges = [(one % count, other % count) for one, other in edges]
     links = Links.of(count, np.array([one for one, _ in edges], int), np.array([other for _, other in edges], int))
     assert pairs(links) == sorted({edge for edge in edges if edge[0] != edge[1]})

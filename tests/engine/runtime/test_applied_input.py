@@ -165,7 +165,7 @@ def test_an_agent_that_stops_coasts_as_the_world_lets_it(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("omitted", "there"), [("control", set()), ("world", {"/agents/robot/control", "/world/robot/control"})]
 )
-def test_what_is_left_out_is_left_out(tmp_path: Path, omitted: str, there: set[str]) -> None:
+def test_omitted_channels_are_not_recorded(tmp_path: Path, omitted: str, there: set[str]) -> None:
     content = {**document("unicycle"), "recording": {"omit": [omitted]}}
     _, log = recorded(tmp_path, content)
     assert {topic for topic in log.channels if topic.endswith("/control")} == there

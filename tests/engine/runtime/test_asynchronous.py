@@ -93,7 +93,7 @@ def test_every_example_gives_the_same_in_both_modes_where_its_components_have_th
     assert set(one.differences(other)) == {"manifest.json", "resolved.yaml"}
 
 
-def test_turns_come_at_exact_multiples_of_the_period_whatever_the_step_of_the_world() -> None:
+def test_turns_come_at_exact_multiples_of_the_period_for_any_step_of_the_world() -> None:
     assert turns_of(Timing(period=20 * MILLISECOND)) == [0, 20, 40, 60, 80, 100, 120, 140, 160, 180]
     assert turns_of(Timing(period=70 * MILLISECOND, offset=5 * MILLISECOND)) == [5, 75, 145]
     assert turns_of(Timing()) == [0, 50, 100, 150]
@@ -194,7 +194,7 @@ def test_between_two_steps_the_world_is_seen_as_of_the_last_one_and_moves_under_
     assert ready.environment.state(ready.groups[0])[0, 0] == pytest.approx(where[-1] + 0.05 * 1.14)
 
 
-def test_what_is_written_between_two_steps_is_recorded_at_its_instant(tmp_path: Path) -> None:
+def test_values_written_between_two_steps_are_recorded_at_their_instant(tmp_path: Path) -> None:
     team = Team({"drive": Drives}, timings={"drive": Timing(period=20 * MILLISECOND)})
     simulate({"a": team}, 2, tmp_path / "run.mcap", ASYNCHRONOUS)
     series = open_log(tmp_path / "run.mcap").series("a", "requested_control")
@@ -372,7 +372,7 @@ def test_a_turn_follows_the_event_that_caused_it_in_declared_order_or_in_another
     assert turns == ["last", "first", "middle"]
 
 
-def test_a_contact_triggers_those_whom_it_concerns() -> None:
+def test_a_contact_triggers_the_agents_in_it() -> None:
     from symaware_cli import Entity
 
     turns: list[Any] = []
@@ -584,7 +584,7 @@ def test_a_period_of_zero_begins_anew_as_soon_as_a_turn_is_over() -> None:
     assert told == [15, 30, 45, 60, 75, 90]
 
 
-def test_awaiting_what_takes_real_time_is_an_error_that_says_so() -> None:
+def test_awaiting_real_time_is_an_error_that_names_it() -> None:
     import asyncio
 
     class Future:
@@ -643,7 +643,7 @@ def test_a_circle_in_which_no_time_passes_ends_the_run_and_is_named(
     assert all(f"`{name}`" in present(summary.failure) for name in named)
 
 
-def test_in_the_synchronous_mode_two_who_trigger_each_other_do_so_once_a_step() -> None:
+def test_in_the_synchronous_mode_two_components_trigger_each_other_once_a_step() -> None:
     class Echo(Rings):
         def _update(self, value: Any) -> None:
             self.emit("ring")
@@ -656,7 +656,7 @@ def test_in_the_synchronous_mode_two_who_trigger_each_other_do_so_once_a_step() 
     assert (summary.status, summary.turns) == ("finished", 10)
 
 
-def test_who_waits_for_what_never_comes_is_named_at_the_end(tmp_path: Path) -> None:
+def test_a_component_that_waits_in_vain_is_named_at_the_end(tmp_path: Path) -> None:
     async def one(self: Waits) -> None:
         await self.happening("go", "agents.a.two")
         self.emit("go")
@@ -685,7 +685,7 @@ def test_who_waits_for_what_never_comes_is_named_at_the_end(tmp_path: Path) -> N
     row=st.integers(0, 2),
     latency=st.sampled_from([0.0, 0.02, 0.07]),
 )
-def test_whatever_fails_wherever_and_whenever_ends_the_run_with_its_log_finished(
+def test_any_failure_at_any_time_ends_the_run_with_a_finished_log(
     where: str, at: int, row: int, latency: float
 ) -> None:
     import asyncio

@@ -86,7 +86,7 @@ def made(
     return came, left, run.summary
 
 
-def test_any_of_tells_which_came_first_and_what_it_came_to() -> None:
+def test_any_of_returns_the_first_to_complete_and_its_result() -> None:
     came, left, _ = made(lambda me: me.any_of(me.sleep(0.3), me.happening("e0"), me.messages()), [(120, "e0")])
     [(now, (which, event))] = came
     assert (now, which, event.name, event.agent) == (120 * MILLISECOND, 1, "e0", "a")
@@ -130,7 +130,7 @@ def test_of_several_that_come_at_one_instant_the_first_listed_is_taken() -> None
         assert left[1] == 0
 
 
-def test_what_is_decided_within_leaves_nothing_behind_while_the_rest_is_awaited() -> None:
+def test_a_decided_part_of_a_wait_leaves_nothing_behind_while_the_rest_is_awaited() -> None:
     async def wait(me: Waiter) -> Any:
         return await me.all_of(me.any_of(me.sleep(0.02), me.sleep(0.4)), me.happening("e0"))
 
@@ -168,7 +168,7 @@ def test_real_time_can_be_awaited_among_others_in_a_paced_run_only() -> None:
     assert "it awaits coroutine, which takes real time, and that only a paced run can" in present(summary.failure)
 
 
-def test_what_fails_outside_fails_where_it_is_awaited() -> None:
+def test_an_outside_failure_is_raised_where_it_is_awaited() -> None:
     async def refuse() -> None:
         raise OSError("refused")
 
@@ -184,7 +184,7 @@ def test_what_fails_outside_fails_where_it_is_awaited() -> None:
     assert summary.status == "finished"
 
 
-def test_what_is_not_awaited_any_more_is_cancelled_outside() -> None:
+def test_an_abandoned_wait_is_cancelled_outside() -> None:
     cancelled = []
 
     async def forever() -> None:

@@ -36,13 +36,13 @@ def known(components: Any, **others: Any) -> Any:
     return [frame[0] for frame in frames[:20]], [frame[1] for frame in frames[:20]]
 
 
-def test_who_is_not_blinded_sees_where_the_others_are_now() -> None:
+def test_an_agent_that_is_not_blinded_sees_the_present_positions() -> None:
     aware, positions = known({})
     assert aware == [*[[1]] * 5, *[[]] * 10, *[[1]] * 5]
     assert positions == sorted(set(positions))
 
 
-def test_what_was_seen_before_is_gone_at_once_also_where_the_sensor_has_no_turn() -> None:
+def test_earlier_detections_are_removed_at_once_also_without_a_turn_of_the_sensor() -> None:
     ready = simulation({"pair": Team({"see": OmniscientPerception}, 2, timings={"see": Timing(period=10 * STEP)})})
     group, found = ready.groups[0], []
     ready.events.subscribe("iterated", lambda event: found.append(len(group.others(100.0).others)))
@@ -53,7 +53,7 @@ def test_what_was_seen_before_is_gone_at_once_also_where_the_sensor_has_no_turn(
 
 
 @pytest.mark.parametrize("blind", [True, False])
-def test_what_sensors_measure_wrongly_estimators_are_given_wrongly(blind: Any) -> None:
+def test_wrong_measurements_reach_estimators(blind: Any) -> None:
     """The observation, which they correct their beliefs with, is that of the sensor with its fault."""
     parameters = RangePerception.Parameters(range=9.0)
     ready = simulation({"pair": Team({"see": lambda: RangePerception(parameters)}, 2)})
@@ -75,7 +75,7 @@ def test_what_sensors_measure_wrongly_estimators_are_given_wrongly(blind: Any) -
     assert found[:6] == [sound, sound, faulty, faulty, sound, sound]
 
 
-def test_who_is_blinded_still_knows_what_it_is_told() -> None:
+def test_a_blinded_agent_still_receives_messages() -> None:
     aware, _ = known({"hear": Inbox}, speaker=Team({"tell": StateSender}))
     assert aware[4:7] == [[1, 2], [2], [2]]
     assert aware[15] == [1, 2]

@@ -117,6 +117,6 @@ def test_a_fault_on_an_event_is_prevented_as_well(tmp_path: Path) -> None:
     assert "axe" not in fates(run(tmp_path, faults, {"use": "complete"})).values()
 
 
-def test_what_cannot_be_prevented_is_told_with_its_place(tmp_path: Path) -> None:
+def test_an_unpreventable_fault_is_reported_at_its_place(tmp_path: Path) -> None:
     with pytest.raises(sa.ScenarioError, match="gus"):
         run(tmp_path, {"gust": {"at": 1.0, "stop": "a"}, "none": {"at": 0.5, "prevent": "gus"}})

@@ -161,7 +161,7 @@ def test_subscribers_may_subscribe_and_cancel_and_trigger_while_an_event_fires(m
 
 
 @MODES
-def test_a_subscriber_that_raises_ends_the_run_and_the_others_are_told(mode: Mode) -> None:
+def test_a_subscriber_that_raises_ends_the_run_after_the_other_subscribers_are_called(mode: Mode) -> None:
     told = []
     prepared = ready()
 
@@ -177,7 +177,7 @@ def test_a_subscriber_that_raises_ends_the_run_and_the_others_are_told(mode: Mod
 
 
 @MODES
-def test_what_triggers_components_may_come_from_python_too(mode: Mode) -> None:
+def test_components_may_be_triggered_by_python_too(mode: Mode) -> None:
     from symaware_cli import Event
     from symaware_cli.engine.runtime.timing import Trigger
 

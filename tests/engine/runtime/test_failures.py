@@ -94,7 +94,7 @@ def test_an_isolated_agent_coasts_and_the_others_go_on(
 
 
 @MODES
-def test_what_is_isolated_takes_no_turns_in_any_component(options: RunOptions, tmp_path: Path) -> None:
+def test_an_isolated_agent_takes_no_turns_in_any_component(options: RunOptions, tmp_path: Path) -> None:
     ready, _, _ = drive(Timing(on_failure="isolate"), tmp_path / "run.mcap", options)
     assert [untyped(component).turns for component in ready.entries[1].components] == [10, 4, 10]
     believed = ready.groups[0].awareness.state
@@ -121,7 +121,7 @@ def test_a_component_that_recovers_goes_on_and_was_initialised_anew(options: Run
     assert [untyped(component).turns for component in ready.entries[1].components] == [10, 5, 10]
 
 
-def test_who_cannot_begin_anew_ends_the_run(tmp_path: Path) -> None:
+def test_an_agent_that_cannot_restart_ends_the_run(tmp_path: Path) -> None:
     class Once(Drives):
         begun = False
 
@@ -154,9 +154,7 @@ class Collective(GroupComponent):
 
 
 @MODES
-def test_of_a_component_of_the_whole_group_only_those_are_isolated_whom_it_failed(
-    options: RunOptions, tmp_path: Path
-) -> None:
+def test_a_failed_group_component_isolates_only_the_agents_that_it_failed(options: RunOptions, tmp_path: Path) -> None:
     team = Team({"drive": Collective}, count=3, timings={"drive": Timing(on_failure="isolate")})
     ready = simulation({"a": team})
     summary = execute(ready, 10, tmp_path / "run.mcap", options)
@@ -192,7 +190,7 @@ def test_a_turn_that_hangs_is_a_failure_after_the_limit_of_wall_time(options: Ru
     assert open_log(tmp_path / "run.mcap").verify() is None
 
 
-def test_a_failure_that_does_not_end_the_run_drops_what_was_under_way(tmp_path: Path) -> None:
+def test_a_failure_that_does_not_end_the_run_drops_the_turn_under_way(tmp_path: Path) -> None:
     landed = []
 
     class Thinks(Component):

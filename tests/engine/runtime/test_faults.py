@@ -233,7 +233,7 @@ def test_a_world_that_loses_its_numbers_is_blamed_with_the_agent_concerned(
 
 
 @pytest.mark.parametrize("count", [2, 100])
-def test_a_state_that_grows_beyond_all_bounds_is_told_as_such(count: int, tmp_path: Path) -> None:
+def test_a_state_that_grows_beyond_all_bounds_is_reported_as_such(count: int, tmp_path: Path) -> None:
     class Explodes(GroupComponent):
         def _compute(self) -> Any:
             return np.full((count, 2), 1.7e308)
@@ -305,7 +305,7 @@ RAISED = [
 
 
 @pytest.mark.parametrize(("mode", "kind", "where"), RAISED)
-def test_whatever_a_component_raises_wherever_is_its_own_failure(
+def test_an_exception_anywhere_in_a_component_is_its_own_failure(
     mode: Mode, kind: type[BaseException], where: str, tmp_path: Path
 ) -> None:
     """Only a signal interrupts a run."""
@@ -361,7 +361,7 @@ def test_whatever_a_component_raises_wherever_is_its_own_failure(
 
 
 @pytest.mark.parametrize("kind", BASES)
-def test_whatever_a_world_raises_is_its_own_failure(kind: type[BaseException], tmp_path: Path) -> None:
+def test_an_exception_in_a_world_is_its_own_failure(kind: type[BaseException], tmp_path: Path) -> None:
     class Breaks(KinematicEnvironment):
         def step(self) -> None:
             raise kind
@@ -372,7 +372,7 @@ def test_whatever_a_world_raises_is_its_own_failure(kind: type[BaseException], t
 
 
 @pytest.mark.parametrize("name", ["started", "initialised", "iterating", "stepped", "contact", "finished", "*"])
-def test_a_subscriber_from_outside_that_raises_fails_the_run_whatever_it_hears(name: str, tmp_path: Path) -> None:
+def test_an_outside_subscriber_that_raises_fails_the_run_at_any_event(name: str, tmp_path: Path) -> None:
     ready = simulation({"robot": Team({"plain": Plain}, count=2, entity=BODY)})
 
     def listener(event: Event) -> None:
@@ -387,13 +387,13 @@ def test_a_subscriber_from_outside_that_raises_fails_the_run_whatever_it_hears(n
     assert "listener" in event.data["traceback"]
 
 
-def test_without_a_log_a_fault_is_told_all_the_same() -> None:
+def test_without_a_log_a_fault_is_still_announced() -> None:
     summary = simulate({"robot": Team({"bad": raising(TroubleError("on purpose"))})})
     assert summary.status == "failed"
     assert summary.failure == "agents.robot.bad (test.bad) failed at 0 s: TroubleError: on purpose"
 
 
-def test_what_was_recorded_before_the_fault_is_there(tmp_path: Path) -> None:
+def test_records_before_the_fault_are_kept(tmp_path: Path) -> None:
     late = type("Faulty", (Faulty,), {"at": 5 * STEP})
     simulate({"robot": Team({"bad": late})}, steps=9, log=tmp_path / "run.mcap")
     series = open_log(tmp_path / "run.mcap").series("robot", "world")
@@ -431,7 +431,7 @@ SOUND = {"use": "kinematic"}
         ),
     ],
 )
-def test_the_command_says_who_failed_and_when_in_a_sentence_and_exits_1(
+def test_the_command_names_the_failed_component_and_the_time_and_exits_1(
     environment: Mapping[str, Any],
     fault: dict[str, Any],
     source: str,
@@ -448,9 +448,7 @@ def test_the_command_says_who_failed_and_when_in_a_sentence_and_exits_1(
     assert failure(tmp_path / "fault.mcap").source == source.partition(" ")[0]
 
 
-def test_the_traceback_is_shown_on_demand_and_scripts_are_told_as_well(
-    command: Command, doubles: Path, tmp_path: Path
-) -> None:
+def test_the_traceback_is_shown_on_demand_and_also_in_json(command: Command, doubles: Path, tmp_path: Path) -> None:
     (tmp_path / "fault.yaml").write_text(SCENARIO.format(environment=json.dumps(SOUND), fault="{}"))
     done = command("run", "fault.yaml", "--json")
     assert (done.returncode, done.stderr) == (1, "")

@@ -32,7 +32,7 @@ LIMIT = 2_000_000
 
 
 @pytest.mark.parametrize("options", [["--quiet"], ["--json"]])
-def test_a_run_that_may_write_no_more_says_so_and_exits_1(
+def test_a_run_that_may_write_no_more_reports_it_and_exits_1(
     options: Any, doubles: Path, command: Command, tmp_path: Path
 ) -> None:
     (tmp_path / "bulky.yaml").write_text(SCENARIO)
@@ -55,7 +55,7 @@ def test_a_run_that_may_write_no_more_says_so_and_exits_1(
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="only Linux has /dev/full")
-def test_a_disk_that_is_full_from_the_start_is_told_in_a_sentence(command: Command, tmp_path: Path) -> None:
+def test_a_disk_that_is_full_from_the_start_is_reported_in_a_sentence(command: Command, tmp_path: Path) -> None:
     (tmp_path / "quiet.yaml").write_text(QUIET)
     done = command("run", "quiet.yaml", "--output", "/dev/full")
     assert done.returncode == 1
@@ -63,7 +63,7 @@ def test_a_disk_that_is_full_from_the_start_is_told_in_a_sentence(command: Comma
     assert len(done.stderr.splitlines()) == 1
 
 
-def test_a_file_system_that_fills_up_is_told_in_a_sentence(doubles: Path, tmp_path: Path) -> None:
+def test_a_file_system_that_fills_up_is_reported_in_a_sentence(doubles: Path, tmp_path: Path) -> None:
     (tmp_path / "disk").mkdir()
     (tmp_path / "bulky.yaml").write_text(SCENARIO)
     symaware = " ".join(COMMAND)
@@ -93,7 +93,7 @@ def test_a_reader_that_goes_away_is_no_failure_worth_words(tmp_path: Path, monke
     assert (done.stdout, done.stderr) == ("{", "")
 
 
-def test_a_worker_of_a_sweep_on_a_full_disk_says_so_in_a_sentence(tmp_path: Path) -> None:
+def test_a_worker_of_a_sweep_reports_a_full_disk_in_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "disk").mkdir()
     hello = CHECKOUT / "scenarios" / "hello.yaml"
     options = ["--runs", "40", "--with", "keep=all", "--jobs", "2", "--quiet", "-o", "out"]

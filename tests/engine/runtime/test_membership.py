@@ -127,7 +127,7 @@ def test_a_condition_on_which_somebody_enters_is_about_the_world(tmp_path: Path)
     assert told(log, "added") == [("added", "agents.b", 0.5)]
 
 
-def test_each_of_a_group_has_its_time_and_messages_tell_of_those_who_are_there(tmp_path: Path) -> None:
+def test_agents_of_a_group_have_own_times_and_messages_have_the_present_ones(tmp_path: Path) -> None:
     present = [{}, {"from": 1.0}, {"from": 1.0, "until": 2.0}]
     agents = {"car": group(present, state=[[0.0, 0.0], [0.0, 2.0], [0.0, 4.0]], count=3)}
     _, log = recorded(tmp_path, agents)
@@ -184,7 +184,7 @@ def test_a_contact_ends_when_one_of_the_two_leaves(tmp_path: Path, world: str) -
     assert 1_000_000_000 <= ended.time <= 1_100_000_000
 
 
-def test_a_message_that_arrives_for_one_who_has_left_is_dropped_as_absent(tmp_path: Path) -> None:
+def test_a_message_to_an_agent_that_has_left_is_dropped_as_absent(tmp_path: Path) -> None:
     talk = {"tell": {"use": "communication.state"}, "hear": {"use": "communication.inbox"}}
     components = {"see": {"use": "perception.self"}, **talk}
     agents = {
@@ -239,7 +239,7 @@ def test_a_return_on_an_event_awaits_one_that_fires_during_the_absence(tmp_path:
     assert log.presence["second"] == ((0, 200_000_000), (1_600_000_000, None))
 
 
-def test_who_is_on_a_break_has_no_effect_on_others(tmp_path: Path) -> None:
+def test_an_absent_agent_has_no_effect_on_others(tmp_path: Path) -> None:
     other = group(state=[0.0, 1.0], goal=[5.0, 1.0])
     components = {"see": {"use": "perception.range", "with": {"range": 9.0, "position_noise": 0.1}}}
     watcher = other | {"components": components}

@@ -76,7 +76,7 @@ def history(log: Log, name: str) -> list[tuple[float, str, str]]:
 
 
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
-def test_what_an_operator_announces_is_accepted_and_monitored_from_its_offer_on(ran: Ran, mode: str) -> None:
+def test_an_offer_of_an_operator_is_accepted_and_monitored_from_then_on(ran: Ran, mode: str) -> None:
     summary, log = ran({"east": EAST}, run={"duration": 10.0, "mode": mode})
     # The operator tells of it in the step of the offer; a message is read one step later.
     assert history(log, "east") == [(2.0, "offered", ""), (2.5, "accepted", "robot.1")]
@@ -107,7 +107,7 @@ def test_runs_repeat_byte_for_byte(ran: Ran, mode: str) -> None:
     assert digest(first) == digest(again)
 
 
-def test_those_who_are_not_told_accept_nothing(ran: Ran) -> None:
+def test_agents_that_receive_no_offer_accept_nothing(ran: Ran) -> None:
     silent = json.loads(json.dumps(SCENARIO["agents"]))
     del silent["robot"]["components"]["hear"]
     summary, log = ran({"east": EAST}, agents=silent)
@@ -115,7 +115,7 @@ def test_those_who_are_not_told_accept_nothing(ran: Ran) -> None:
     assert summary.specifications[0].verdict == "rejected"
 
 
-def test_what_nobody_accepts_in_time_is_rejected(ran: Ran) -> None:
+def test_an_offer_that_no_agent_accepts_in_time_is_rejected(ran: Ran) -> None:
     far = {**EAST, "offer": {"at": 2.0, "to": "operator", "open_for": 2.0}, "formula": "eventually x > 50"}
     summary, log = ran({"far": far})
     assert history(log, "far") == [(2.0, "offered", ""), (4.5, "rejected", "")]
@@ -123,7 +123,7 @@ def test_what_nobody_accepts_in_time_is_rejected(ran: Ran) -> None:
     assert log.outcomes == check_log(log.path).specifications == summary.specifications
 
 
-def test_what_a_stopped_agent_has_accepted_is_open_again_and_time_goes_on(ran: Ran) -> None:
+def test_the_specification_of_a_stopped_agent_is_open_again_and_time_goes_on(ran: Ran) -> None:
     slow = {
         **EAST,
         "formula": "eventually[0, 8] inside(position, west)",
@@ -146,14 +146,14 @@ def test_what_a_stopped_agent_has_accepted_is_open_again_and_time_goes_on(ran: R
     assert late.specifications[0].verdict == "violated"
 
 
-def test_what_was_decided_before_a_failure_stays_decided(ran: Ran) -> None:
+def test_decisions_before_a_failure_stay(ran: Ran) -> None:
     there = {**EAST, "formula": "eventually x < 3.2", "offer": {"at": 1.0, "knowledge": {"goal": [0, 0]}}}
     summary, log = ran({"there": there}, faults={"crash": {"stop": "robot.0", "at": 6.0}})
     assert [name for _, name, _ in history(log, "there")] == ["offered", "accepted"]
     assert summary.specifications[0].verdict == "satisfied"
 
 
-def test_an_agent_that_leaves_gives_up_what_it_has_accepted(ran: Ran) -> None:
+def test_an_agent_that_leaves_gives_up_its_accepted_specifications(ran: Ran) -> None:
     agents = json.loads(json.dumps(SCENARIO["agents"]))
     agents["robot"]["present"] = [{"until": 3.0}, {}]
     summary, log = ran({"west": WEST}, agents=agents)
@@ -180,14 +180,14 @@ def test_a_component_takes_turns_when_something_is_open_again(ran: Ran) -> None:
     assert summary.specifications[0].verdict == "rejected"
 
 
-def test_the_log_tells_who_accepted_what_with_which_risk(ran: Ran) -> None:
+def test_the_log_has_who_accepted_each_specification_with_which_risk(ran: Ran) -> None:
     _, log = ran({"east": EAST})
     (event,) = (event for event in log.events() if event.name == "accepted")
     assert event.data == {"agent": "robot.1", "by": "agents.robot.1.take", "epsilon": 0.1, "specification": "east"}
 
 
 @pytest.mark.parametrize("steps", [5, 7, 13])
-def test_a_state_has_what_was_offered_and_who_accepted_it(tmp_path: Path, steps: int) -> None:
+def test_a_state_has_the_offers_and_their_holders(tmp_path: Path, steps: int) -> None:
     document = {**SCENARIO, "specifications": {"east": EAST, "west": WEST}, "run": {"duration": 10.0}}
     (tmp_path / "errands.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
     scenario = load(tmp_path / "errands.yaml")
@@ -212,14 +212,14 @@ def test_a_component_in_a_worker_process_has_what_the_run_tells_its_agent(ran: R
     assert check_log(log.path).specifications == there.specifications
 
 
-def test_what_is_offered_is_refused_in_several_processes(tmp_path: Path) -> None:
+def test_offers_are_refused_in_runs_of_several_processes(tmp_path: Path) -> None:
     (tmp_path / "errands.yaml").write_text(yaml.safe_dump({**SCENARIO, "specifications": {"west": WEST}}))
     place = Place("host", "127.0.0.1:0", only=("agents.robot",))
     with pytest.raises(DistributionError, match="the specification `west` is offered while the run goes on"):
         participant(build(tmp_path / "errands.yaml"), place)
 
 
-def test_a_sweep_tells_the_verdict_of_those_who_accepted(tmp_path: Path) -> None:
+def test_a_sweep_has_the_verdict_on_the_agents_that_accepted(tmp_path: Path) -> None:
     document = {**SCENARIO, "specifications": {"east": EAST, "far": {**EAST, "formula": "eventually x > 50"}}}
     (tmp_path / "errands.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
     (row,) = sweep(tmp_path / "errands.yaml", tmp_path / "sweep", runs=1, jobs=1).to_pylist()

@@ -51,7 +51,7 @@ def test_no_turn_comes_before_its_time(mode: Mode, pace: float) -> None:
     assert summary.wall_time >= 0.3 / pace
 
 
-def test_who_is_late_is_counted() -> None:
+def test_late_steps_are_counted() -> None:
     class Slow(Component):
         def _compute(self) -> None:
             time.sleep(0.03)
@@ -119,7 +119,7 @@ def test_a_paced_run_may_await_real_input_and_goes_on_meanwhile(tmp_path: Path) 
     assert kind.now_too == [step * 50 * MILLISECOND for step in range(12)]
 
 
-def test_what_goes_wrong_outside_is_a_failure_of_the_component() -> None:
+def test_an_outside_error_is_a_failure_of_the_component() -> None:
     class Reads(Listens):
         async def _async_compute(self) -> None:
             await asyncio.open_connection("127.0.0.1", 1)
@@ -129,7 +129,7 @@ def test_what_goes_wrong_outside_is_a_failure_of_the_component() -> None:
     assert "ConnectionRefusedError" in present(summary.failure)
 
 
-def test_what_never_comes_does_not_keep_a_run_from_its_end() -> None:
+def test_a_wait_without_end_does_not_keep_a_run_from_ending() -> None:
     class Waits(Listens):
         async def _async_compute(self) -> None:
             await asyncio.create_task(asyncio.sleep(3600))

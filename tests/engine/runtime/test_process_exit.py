@@ -75,7 +75,7 @@ def test_without_a_log_the_traceback_is_shown(
 
 
 @pytest.mark.parametrize("arguments", [("--json",), ("--json", "--no-record")])
-def test_what_plugins_and_libraries_print_is_not_among_the_json(
+def test_output_of_plugins_and_libraries_is_not_in_the_json(
     arguments: tuple[str, ...], unruly: Callable[..., subprocess.CompletedProcess[str]]
 ) -> None:
     done = unruly("print", *arguments)
@@ -112,7 +112,7 @@ def test_a_process_that_goes_on_is_named_and_ended(
     assert present(open_log(tmp_path / "unruly.mcap").outcome)["status"] == "finished"
 
 
-def test_a_log_without_an_outcome_is_told_of(command: Command, doubles: Path, tmp_path: Path) -> None:
+def test_a_log_without_an_outcome_is_reported(command: Command, doubles: Path, tmp_path: Path) -> None:
     """As where native code ends the process, which nothing in it can prevent."""
 
     class Vanishes(Component):

@@ -70,7 +70,7 @@ def test_an_agent_that_is_isolated_does_not_take_the_covariances_from_the_others
     np.testing.assert_array_equal(uncertain[False][1], uncertain[True][1])
 
 
-def test_nothing_is_told_of_an_agent_that_is_isolated(doubles: Path, tmp_path: Path) -> None:
+def test_an_isolated_agent_reports_no_events(doubles: Path, tmp_path: Path) -> None:
     trip = {"use": "doubles.fault", "with": {"agent": "robot.0"}, "on_failure": "isolate"}
     document = {
         "symaware": 1,
@@ -139,7 +139,7 @@ def test_held_rows_keep_their_tracks(group: AgentGroup) -> None:
     assert present(merged.covariances)[:, 0, 0].tolist() == [2.0, 1.0, 2.0]
 
 
-def test_of_whom_nothing_was_said_nothing_is_said(group: AgentGroup) -> None:
+def test_tracks_without_covariances_have_zeros(group: AgentGroup) -> None:
     group.awareness.seen = tracks(1, 1, covariances=False)
     with ProtectedRows(group, [1]):
         group.awareness.seen = tracks(2, 0, 2)
@@ -160,7 +160,7 @@ def test_held_rows_see_nobody_if_they_have_not_seen_anybody_yet(group: AgentGrou
     assert present(group.awareness.tracks).observers.tolist() == [0, 2]
 
 
-def test_what_held_rows_believe_grows_old(group: AgentGroup) -> None:
+def test_beliefs_of_held_agents_grow_old(group: AgentGroup) -> None:
     for source in ("seen", "received"):
         setattr(group.awareness, source, tracks(0, 0, 1, 2))
         with ProtectedRows(group, [1]):
@@ -168,7 +168,7 @@ def test_what_held_rows_believe_grows_old(group: AgentGroup) -> None:
         assert getattr(group.awareness, source).ages.tolist() == [0.0, 2.0, 0.0]
 
 
-def test_a_component_knows_again_what_it_wrote_though_rows_of_it_were_put_back() -> None:
+def test_a_component_finds_its_output_again_after_rows_were_restored() -> None:
     team = Team(count=3)
     run = simulation({"robot": team})
     (group,) = run.groups
@@ -182,7 +182,7 @@ def test_a_component_knows_again_what_it_wrote_though_rows_of_it_were_put_back()
     assert group.control_column.writes != mine
 
 
-def test_what_was_told_ages_though_an_agent_of_the_group_has_stopped(tmp_path: Path) -> None:
+def test_received_information_ages_even_if_an_agent_of_the_group_has_stopped(tmp_path: Path) -> None:
     document = {
         "symaware": 1,
         "name": "silence",

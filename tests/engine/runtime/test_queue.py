@@ -39,7 +39,7 @@ def test_entries_come_by_time_place_phase_row_and_number(entries: list[tuple[int
 
 
 @given(entries=ENTRIES, chosen=st.lists(st.integers(0, 20)))
-def test_what_is_cancelled_leaves_nothing_behind(entries: list[tuple[int, int, Phase, int]], chosen: list[int]) -> None:
+def test_a_cancelled_wait_leaves_nothing_behind(entries: list[tuple[int, int, Phase, int]], chosen: list[int]) -> None:
     done: list[Any] = []
     queue = queue_of(done)
     numbers = [queue.put(*entry, "do", number) for number, entry in enumerate(entries)]
@@ -71,7 +71,7 @@ def test_entries_can_be_put_away_as_data_and_taken_up_by_another_queue(
     assert second == [*first, (6, 0, 0, "behind")]
 
 
-def test_what_wakes_itself_without_end_is_named() -> None:
+def test_a_component_that_triggers_itself_without_end_is_named() -> None:
     queue = Queue(Clock())
     queue.register(2, {"again": lambda row, payload: queue.put(0, 2, Phase.TURN, 0, "again")})
     queue.put(0, 2, Phase.TURN, 0, "again")

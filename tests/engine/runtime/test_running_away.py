@@ -34,7 +34,7 @@ agents:
 
 
 @pytest.mark.parametrize(("growth", "said"), [("1.0e+4", "has run away, beyond 1e+15"), ("1.0e+15", "has run away")])
-def test_a_state_that_grows_ends_the_run_with_whose_it_is_while_it_is_finite(
+def test_a_growing_state_ends_the_run_with_the_name_of_its_agent_while_it_is_finite(
     growth: Any, said: Any, tmp_path: Path
 ) -> None:
     scenario, log = tmp_path / "diverging.yaml", tmp_path / "log.mcap"

@@ -271,7 +271,7 @@ def test_delayed_messages_come_later_by_what_the_fault_says(
     ids=str,
 )
 @pytest.mark.parametrize("of", [None, "agents.*", "see", "exchange"])
-def test_a_fault_may_trigger_those_whom_it_happens_to(
+def test_a_fault_may_trigger_the_agents_that_it_acts_on(
     effect: dict[str, Any], concerned: list[int], of: str | None, mode: str, ran: Callable[..., Log], doubles: Path
 ) -> None:
     trigger = {"event": "fault"} if of is None else {"event": "fault", "of": of}

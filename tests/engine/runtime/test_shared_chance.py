@@ -227,7 +227,7 @@ def test_nothing_is_drawn_twice(base: Notes) -> None:
     assert len(set(drawn)) == len(drawn)
 
 
-def test_who_draws_more_in_one_turn_draws_the_same_first_number_in_the_next(base: Notes) -> None:
+def test_more_draws_in_one_turn_do_not_change_those_of_the_next(base: Notes) -> None:
     more = run(cars_that_draw_more)
     for key in base.own_draws:
         assert [each[0] for each in base.own_draws[key]] == [each[0] for each in more.own_draws[key]]
@@ -238,7 +238,7 @@ def components_of(ready: Simulation, group: str, name: str) -> ComponentSelectio
     return ComponentSelection(entry, range(len(entry.components) if name == "draw" else len(entry.group)))
 
 
-def test_faults_of_some_change_nothing_for_others_and_leave_no_trace_in_what_is_drawn_later(base: Notes) -> None:
+def test_faults_of_some_agents_change_nothing_for_others_nor_later_draws(base: Notes) -> None:
     def blind(ready: Simulation) -> list[Fault]:
         sense = components_of(ready, "car", "sense")
         return [fault(Blind, at=3, lasting=4, components=[sense._replace(rows=[0, 2])])]
@@ -274,7 +274,7 @@ def test_errors_that_a_fault_adds_depend_on_neither_the_other_agents_nor_when_it
     assert len(np.unique(errors)) == 12
 
 
-def test_process_noise_is_that_of_the_step_whatever_became_of_the_one_before() -> None:
+def test_process_noise_depends_on_the_step_and_not_on_earlier_draws() -> None:
     notes = Notes()
     ready, pushed = (simulation({"robot": team(notes)}) for _ in range(2))
     moves = []
@@ -328,7 +328,7 @@ def test_latency_and_jitter_are_those_of_the_agent_and_the_turn() -> None:
     assert all(2 * STEP <= instant < 5 * STEP for _, instant in differing)
 
 
-def test_a_period_of_ones_own_leaves_what_is_drawn_at_common_instants() -> None:
+def test_a_period_of_its_own_does_not_change_draws_at_common_instants() -> None:
     def at_times(period: int) -> dict[Any, Any]:
         timing = Timing(period=period * STEP)
         return run(lambda teams, notes: {"car": team(notes, 3, timings={"draw": timing})}).own_draws
@@ -361,7 +361,7 @@ def test_turns_at_one_instant_draw_different_numbers() -> None:
     assert len({value for _, value in turns}) == 12
 
 
-def test_what_an_update_draws_belongs_to_the_turn_however_late_it_lands() -> None:
+def test_draws_of_an_update_belong_to_its_turn_even_if_it_is_applied_late() -> None:
     def drawn(latency: float) -> list[Any]:
         timing = Timing(period=4 * STEP, latency=always(latency))
         found = run(lambda teams, notes: {"car": team(notes, 3, timings={"draw": timing})}, steps=16).own_draws
@@ -370,7 +370,7 @@ def test_what_an_update_draws_belongs_to_the_turn_however_late_it_lands() -> Non
     assert drawn(0.0) == drawn(0.1)
 
 
-def test_nobody_has_a_generator_who_does_not_ask_for_one() -> None:
+def test_components_that_draw_nothing_have_no_generator() -> None:
     made = []
 
     class Idle(Component):

@@ -39,7 +39,7 @@ def test_every_component_knows_its_path() -> None:
     assert {component.use for entry in ready.entries for component in entry.components} == {"test.own", "test.shared"}
 
 
-def test_components_take_up_work_with_what_their_agent_is_aware_of_and_knows() -> None:
+def test_components_begin_with_the_awareness_and_knowledge_of_their_agent() -> None:
     given = []
 
     class Notes(Idle):
@@ -59,7 +59,7 @@ def test_components_take_up_work_with_what_their_agent_is_aware_of_and_knows() -
     ]
 
 
-def test_what_happens_in_a_run_is_announced_in_order() -> None:
+def test_events_of_a_run_are_announced_in_order() -> None:
     ready = simulation({"robot": Team({"own": Idle})})
     seen = []
     for name in (

@@ -73,7 +73,7 @@ def ran(tmp_path: Path) -> Ran:
         ({"each": "robot", "from": 2.0, "to": 3.0, "formula": "always x > 1.5"}, "satisfied", (0, 0, 2), 0.5),
     ],
 )
-def test_what_becomes_of_a_specification(
+def test_outcomes_of_a_specification(
     ran: Ran, mode: str, specification: Any, verdict: str, counts: Any, robustness: float | None
 ) -> None:
     summary, log = ran({"it": specification}, run={"duration": 5.0, "mode": mode})
@@ -107,7 +107,7 @@ def test_linear_temporal_logic(ran: Ran, formula: str, verdict: str, counts: tup
     assert [int((log.specifications["it"].verdict == each).sum()) for each in (-1, 0, 1)] == list(counts)
 
 
-def test_what_is_undecided_is_presumed_where_a_run_breaks_off(tmp_path: Path) -> None:
+def test_undecided_specifications_are_presumed_where_a_run_breaks_off(tmp_path: Path) -> None:
     stated = {"it": {"each": "robot", "logic": "ltl", "formula": "always (x < 1 or eventually x > 3.9)"}}
     (tmp_path / "line.yaml").write_text(yaml.safe_dump({**SCENARIO, "specifications": stated}, sort_keys=False))
     with prepared(build(tmp_path / "line.yaml"), tmp_path / "line.mcap", may_exit=False) as run:
@@ -124,14 +124,14 @@ def test_what_is_undecided_is_presumed_where_a_run_breaks_off(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize("formula", ["always[0, 3] x < 9", "once x > 1"])
-def test_what_is_no_linear_temporal_logic_is_refused(tmp_path: Path, formula: str) -> None:
+def test_formulas_beyond_linear_temporal_logic_are_refused(tmp_path: Path, formula: str) -> None:
     stated = {"it": {"each": "robot", "logic": "ltl", "formula": formula}}
     (tmp_path / "line.yaml").write_text(yaml.safe_dump({**SCENARIO, "specifications": stated}, sort_keys=False))
     with pytest.raises(ScenarioError, match="linear temporal logic has no windows, and no operators about the past"):
         build(tmp_path / "line.yaml")
 
 
-def test_a_verdict_is_told_as_soon_as_it_is_decided_with_its_reason(ran: Ran) -> None:
+def test_a_verdict_is_announced_as_soon_as_it_is_decided_with_its_reason(ran: Ran) -> None:
     formula = "always ((x > 1.2 and x < 5) implies eventually[0, 1] inside(position, end))"
     _, log = ran({"slow": {"each": "robot", "formula": formula}})
     (told,) = [event for event in log.events() if event.name == "violated"]
@@ -299,7 +299,7 @@ def test_a_run_ends_when_a_specification_says_so(ran: Ran) -> None:
     assert summary.simulated_time == 3.0
 
 
-def test_the_nearest_whom_an_agent_knows_of_itself_counts_as_one_that_its_group_perceives(tmp_path: Path) -> None:
+def test_the_nearest_that_an_agent_knows_from_itself_counts_like_one_that_its_group_perceives(tmp_path: Path) -> None:
     (tmp_path / "line.yaml").write_text(yaml.safe_dump(SCENARIO))
     built = build(tmp_path / "line.yaml")
     (group,) = built.simulation.groups

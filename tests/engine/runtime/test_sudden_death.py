@@ -62,7 +62,7 @@ def doomed(
     [("", 2.5), ("slow: {use: doubles.sleeper, with: {duration: 0.3}}", 2.5), ("bulk: {use: doubles.bulky}", 2.0)],
     ids=["fast", "slow", "bulky"],
 )
-def test_everything_up_to_the_last_second_is_read_and_the_loss_is_told(
+def test_everything_up_to_the_last_second_is_read_and_the_loss_is_reported(
     slow: str, wall_time: float, doubles: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     killed, turns = doomed(tmp_path, monkeypatch, slow, wall_time)
@@ -85,7 +85,7 @@ def test_everything_up_to_the_last_second_is_read_and_the_loss_is_told(
     assert "the end of the run is missing" in text.stdout
 
 
-def test_what_is_read_after_a_kill_is_what_an_undisturbed_run_records(
+def test_the_readable_part_after_a_kill_equals_an_undisturbed_run(
     doubles: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     doomed(tmp_path, monkeypatch, "", 1.2)
@@ -107,7 +107,7 @@ def test_what_is_read_after_a_kill_is_what_an_undisturbed_run_records(
     assert len(content(whole)) > 100
 
 
-def test_a_turn_without_end_does_not_take_what_came_before_with_it(
+def test_a_turn_without_end_does_not_lose_earlier_records(
     doubles: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     progress = tmp_path / "progress"
@@ -132,7 +132,7 @@ def test_a_turn_without_end_does_not_take_what_came_before_with_it(
 
 
 @pytest.mark.slow
-def test_after_a_kill_at_any_moment_every_verb_tells_the_loss_and_shows_what_there_is(
+def test_after_a_kill_at_any_moment_every_verb_reports_the_loss_and_shows_the_rest(
     doubles: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     slow = "slow: {use: doubles.sleeper, with: {duration: 0.002}}"  # or the log would take minutes to draw

@@ -44,7 +44,7 @@ class Drives(GroupComponent):
         self.group.control_input = value
 
 
-def test_the_world_moves_after_the_components_under_what_they_chose() -> None:
+def test_the_world_moves_after_the_components_by_their_choices() -> None:
     ready = simulation({"robot": Team({"drive": Drives})})
     execute(ready, 4)
     assert ready.environment.state(ready.groups[0])[0, 0] == pytest.approx(0.2)
@@ -118,7 +118,7 @@ def test_the_outcome_does_not_depend_on_the_order_of_agents(groups: list[str], l
     assert outcome(groups, names) == outcome(["a", "b"], ["tell", "gather", "follow"])
 
 
-def test_progress_is_told_in_simulated_time() -> None:
+def test_progress_is_reported_in_simulated_time() -> None:
     from symaware_cli.engine.runtime.run import run
 
     told: list[Any] = []

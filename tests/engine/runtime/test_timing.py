@@ -33,7 +33,7 @@ def test_a_period_of_zero_has_one_instant_of_its_own() -> None:
 
 
 @given(period=st.integers(1, 400), offset=st.integers(0, 400), now=st.integers(0, 40))
-def test_who_joins_late_begins_with_the_first_turn_that_is_still_to_come(period: int, offset: int, now: int) -> None:
+def test_an_agent_that_joins_late_begins_with_the_next_turn(period: int, offset: int, now: int) -> None:
     timetable = Timetable(Timing(period=period, offset=offset), STEP, STEP)
     every = first(Timing(period=period, offset=offset), 50 * now + 2, grid=STEP)
     assert present(timetable.turn(0, now * STEP))[0] == next(time for time in every if time >= now * STEP)
@@ -48,7 +48,7 @@ def test_on_a_grid_each_instant_is_the_next_one_and_none_comes_twice(period: int
 
 
 @given(period=st.integers(1, 400), jitter=st.floats(0, 0.99))
-def test_jitter_is_drawn_once_for_each_nominal_instant_whatever_the_grid(period: int, jitter: float) -> None:
+def test_jitter_is_drawn_once_for_each_nominal_instant_on_any_grid(period: int, jitter: float) -> None:
     timing = Timing(period=period * 10**6, jitter=int(jitter * period * 10**6))
     plain = first(timing, 50)
     grid = STEP * 10**6
@@ -65,13 +65,13 @@ def test_jitter_is_drawn_evenly_and_anew_for_each_turn() -> None:
 
 
 @given(period=st.integers(2, 90), times=st.integers(2, 5))
-def test_jitter_is_that_of_the_nominal_instant_whatever_the_period(period: int, times: int) -> None:
+def test_jitter_is_that_of_the_nominal_instant_for_any_period(period: int, times: int) -> None:
     often = first(Timing(period=period * 10**6, jitter=10**6), 40 * times)
     seldom = first(Timing(period=times * period * 10**6, jitter=10**6), 40)
     assert often[::times] == seldom
 
 
-def test_who_takes_one_turn_a_step_is_steady() -> None:
+def test_a_timing_with_one_turn_a_step_is_steady() -> None:
     assert Timing().is_steady(STEP)
     assert Timing(period=STEP).is_steady(STEP)
     assert not Timing(period=STEP, offset=1).is_steady(STEP)

@@ -157,7 +157,7 @@ def test_the_intent_is_the_one_that_the_other_agent_holds(tmp_path: Path) -> Non
         ({"agent": "s"}, "`s`"),
     ],
 )
-def test_what_cannot_be_made_true_is_refused_at_its_place(given: Any, said: str, tmp_path: Path) -> None:
+def test_a_belief_that_cannot_be_made_true_is_refused_at_its_place(given: Any, said: str, tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=said) as caught:
         built(scenario(believe(**given)), tmp_path)
     assert caught.value.problems[0].path.startswith("faults.true.believe.")

@@ -109,7 +109,7 @@ agents:
     assert left > 0 if when_off == "hold" else np.isnan(left)
 
 
-def test_what_has_no_effect_is_refused(tmp_path: Path) -> None:
+def test_a_value_without_effect_while_off_is_refused(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text("""\
 symaware: 1
 name: s

@@ -83,7 +83,7 @@ def test_one_worker_or_two_or_none_give_the_same_bytes(
     assert logs[0] == logs[1] == logs[2]
 
 
-def test_what_further_sensors_measured_is_known_there_too(ran: Callable[..., tuple[RunSummary, Log]]) -> None:
+def test_measurements_of_further_sensors_are_known_there_too(ran: Callable[..., tuple[RunSummary, Log]]) -> None:
     logs = []
     for where in ("here", "process"):
         content = document(duration=0.5)
@@ -156,7 +156,7 @@ def test_all_events_of_a_turn_are_the_same_too(ran: Callable[..., tuple[RunSumma
         ("nan", "its control input is not finite"),
     ],
 )
-def test_what_happens_to_a_worker_is_a_failure_of_the_component(
+def test_a_failed_worker_is_a_failure_of_the_component(
     how: str, said: str, ran: Callable[..., tuple[RunSummary, Log]]
 ) -> None:
     think = {"with": {"at": 0.3, "how": how, "agent": "robot.2"}}
@@ -185,7 +185,7 @@ def test_an_attribute_that_cannot_be_taken_is_a_failure_that_names_it(
     assert "`uncaptured`" in failed.data["problem"]
 
 
-def test_what_a_component_tells_of_its_state_goes_to_its_worker_and_back(
+def test_the_captured_state_of_a_component_goes_to_its_worker_and_back(
     ran: Callable[..., tuple[RunSummary, Log]],
 ) -> None:
     logs = []
@@ -303,7 +303,7 @@ def moved(rows: list[list[float]], place: int) -> list[list[float]]:
 
 
 @pytest.mark.parametrize("environment", ["kinematic", "pymunk", "pybullet"])
-def test_what_looks_at_the_world_gives_the_same_bytes_in_workers(
+def test_components_that_read_the_world_give_the_same_bytes_in_workers(
     environment: str, ran: Callable[..., tuple[RunSummary, Log]]
 ) -> None:
     """The process follows the world, with all that moves in it, and knows what it has seen and written before.
@@ -353,9 +353,7 @@ def test_what_looks_at_the_world_gives_the_same_bytes_in_workers(
 
 
 @pytest.mark.parametrize("environment", ["kinematic", "pymunk", "pybullet"])
-def test_who_enters_and_leaves_does_so_in_workers_too(
-    environment: str, ran: Callable[..., tuple[RunSummary, Log]]
-) -> None:
+def test_agents_enter_and_leave_in_workers_too(environment: str, ran: Callable[..., tuple[RunSummary, Log]]) -> None:
     """Those who are there see one enter late and one leave, in front of them; so does one who enters itself."""
     logs = []
     for where in ("here", "process"):
@@ -395,7 +393,7 @@ def test_who_enters_and_leaves_does_so_in_workers_too(
 
 
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
-def test_what_lives_on_awareness_alone_knows_of_who_enters_and_leaves(
+def test_components_that_read_awareness_alone_follow_agents_that_enter_and_leave(
     mode: str, ran: Callable[..., tuple[RunSummary, Log]]
 ) -> None:
     logs = []
@@ -409,7 +407,7 @@ def test_what_lives_on_awareness_alone_knows_of_who_enters_and_leaves(
     assert logs[0] == logs[1]
 
 
-def test_who_looks_at_a_world_that_cannot_be_followed_stays_at_home(doubles: Path, tmp_path: Path) -> None:
+def test_components_that_read_a_world_without_replicas_stay_in_the_main_process(doubles: Path, tmp_path: Path) -> None:
     content = document()
     content["environment"] = {"use": "doubles.lonely-world"}
     content["agents"]["robot"]["components"] = {"see": {"use": "perception.self", "run_in": "process"}}

@@ -63,6 +63,6 @@ def test_points_are_found_in_cells() -> None:
         ({"obstacles": ["arena"]}, "obstacles cover every cell"),
     ],
 )
-def test_what_cannot_be_made_is_explained(given: dict[str, object], said: str) -> None:
+def test_an_impossible_construction_is_explained(given: dict[str, object], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         grid(**given)

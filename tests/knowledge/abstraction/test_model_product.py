@@ -80,7 +80,7 @@ def test_products_of_products_are_made_whatever_the_order_in_the_file(tmp_path: 
         ({"twice": states("twice.yaml")}, "twice.with.graph", "`lit` is a state"),
     ],
 )
-def test_what_is_no_product_is_refused_at_its_place(
+def test_an_invalid_product_is_refused_at_its_place(
     tmp_path: Path, parts: Mapping[str, object], place: str, said: str
 ) -> None:
     with pytest.raises(ScenarioError) as caught:

@@ -123,7 +123,7 @@ def test_from_anywhere_in_a_cell_the_next_is_reached_without_leaving_the_two(
 
 @pytest.mark.parametrize("world", WORLDS)
 @pytest.mark.parametrize("seed", [*range(5), *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(5, 15))])
-def test_what_is_certified_holds_in_every_world_with_whatever_parameters(tmp_path: Path, world: str, seed: int) -> None:
+def test_a_certificate_holds_in_every_world_for_any_parameters(tmp_path: Path, world: str, seed: int) -> None:
     log = patrol(tmp_path, drawn(world, seed))
     assert outside(log, tmp_path / "patrol.yaml").max() < 2e-6
     assert entered(log) > 0
@@ -147,7 +147,7 @@ def test_a_drive_other_than_that_of_the_world_takes_agents_out_of_their_cells(
     assert events(log, "cells-left", "cell-skipped")
 
 
-def test_what_is_held_for_too_long_is_refused_or_else_takes_agents_out_of_their_cells(tmp_path: Path) -> None:
+def test_control_inputs_held_for_too_long_are_refused_or_take_agents_out_of_their_cells(tmp_path: Path) -> None:
     changes = {f"{STEER}.latency": 0.4, f"{STEER}.with.speed": 3.0}
     with pytest.raises(ScenarioError, match="an input is for where the agent was when it was computed"):
         patrol(tmp_path, changes)
@@ -205,7 +205,7 @@ WALL = {"shape": {"box": {"length": 0.8, "width": 0.2}}, "position": [1.5, -0.35
         ({f"{STEER}.with.apart_from": ["nobody"]}, f"{STEER}.with.apart_from[0]", "no agent, group or entity `nobody`"),
     ],
 )
-def test_what_makes_it_uncertain_is_refused_at_its_place(
+def test_causes_of_uncertainty_are_refused_at_their_place(
     tmp_path: Path, changes: dict[str, Any], place: str, said: str
 ) -> None:
     with pytest.raises(ScenarioError, match=said) as caught:
@@ -236,7 +236,7 @@ def test_a_body_that_was_said_to_keep_apart_and_does_not_is_an_event(tmp_path: P
     assert touched[0].data["by"] == "crate"
 
 
-def test_whoever_steers_a_skipped_cell_is_an_event_that_names_the_cells(tmp_path: Path) -> None:
+def test_a_skipped_cell_is_an_event_that_names_the_cells(tmp_path: Path) -> None:
     changes = {
         STEER: {"use": "control.random", "with": {"inputs": [[1.0, 0.0]]}},
         "agents.robot.components.decide.with.guarantees": ["always eventually up"],

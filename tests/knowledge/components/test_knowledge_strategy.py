@@ -289,6 +289,6 @@ def test_an_agent_knows_the_state_of_what_has_no_place_and_components_and_messag
         ({**LOADED, "agents.robot.components.decide.with.knowledge": {"loaded": "lodaed"}}, "no cell has the label"),
     ],
 )
-def test_what_an_agent_is_to_know_of_its_state_must_exist(changes: dict[str, Any], said: str) -> None:
+def test_required_elements_of_the_state_must_exist(changes: dict[str, Any], said: str) -> None:
     with pytest.raises(ScenarioError, match=said):
         load(SCENARIOS / "fetch.yaml", changes)

@@ -115,7 +115,7 @@ def test_without_a_crate_nothing_is_learnt_and_the_gap_is_the_way(tmp_path: Path
     assert (3, 3) in cells(log, "scout")
 
 
-def test_a_robot_that_is_told_under_way_turns_back(tmp_path: Path) -> None:
+def test_a_robot_that_receives_a_message_under_way_turns_back(tmp_path: Path) -> None:
     changes = {"agents.scout.components.lidar.with.range": 0.65, "environment.entities.crate.shape.box.length": 0.4}
     log = run(tmp_path / "a.mcap", {**changes, "run.duration": 20.0})
     assert [name for _, name in events(log, "scout.decide", "turned-back")] == ["turned-back"]
@@ -254,7 +254,7 @@ DECIDE = "agents.robot.components.decide.with"
 OVERDUE = ("assumption-overdue", "assumption-dropped", "assumption-kept", "strategy-resumed", "strategy-revised")
 
 
-def test_what_is_overdue_is_assumed_no_more_and_the_other_door_taken(tmp_path: Path) -> None:
+def test_an_overdue_assumption_is_dropped_and_the_other_door_taken(tmp_path: Path) -> None:
     log = run(tmp_path / "a.mcap", name="two-doors.yaml")
     assert events(log, "robot.decide", *OVERDUE) == [
         (14.5, "assumption-overdue"),
@@ -267,7 +267,7 @@ def test_what_is_overdue_is_assumed_no_more_and_the_other_door_taken(tmp_path: P
     assert len(events(log, "robot.decide", "goal-met")) >= 4
 
 
-def test_what_is_overdue_is_only_reported_unless_a_fallback_is_declared(tmp_path: Path) -> None:
+def test_an_overdue_assumption_is_only_reported_unless_a_fallback_is_declared(tmp_path: Path) -> None:
     changes = {f"{DECIDE}.on_overdue": "report", f"{DECIDE}.revision": None}
     log = run(tmp_path / "a.mcap", changes, "two-doors.yaml")
     assert events(log, "robot.decide", *OVERDUE) == [(14.5, "assumption-overdue")]

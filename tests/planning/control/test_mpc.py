@@ -139,12 +139,12 @@ def test_an_obstacle_on_its_way_is_dodged_before_it_is_there() -> None:
     assert summary.goals_reached
 
 
-def test_who_is_not_perceived_is_not_avoided() -> None:
+def test_an_unperceived_agent_is_not_avoided() -> None:
     pair = team(MODELS["single integrator"], [[-3.0, 0.0], [3.0, 0.0]], [[3.0, 0.0], [-3.0, 0.0]], sense=SelfPerception)
     assert travel({"robot": pair}, 120)[0].contacts > 0
 
 
-def test_who_is_seen_late_is_expected_where_it_must_have_got_to() -> None:
+def test_an_agent_that_is_seen_late_is_expected_at_its_extrapolated_position() -> None:
     def sense() -> RangePerception:
         return RangePerception(RangePerception.Parameters(range=20.0, delay=1.0))
 
@@ -299,7 +299,7 @@ def test_failures_are_in_the_log(tmp_path: Path) -> None:
     assert events[0].data["status"] == "out of iterations"
 
 
-def test_whoever_changes_its_control_input_does_so_once_for_each_turn() -> None:
+def test_a_control_input_changes_once_for_each_turn() -> None:
     # Between two plans the input is held as it was planned, so that a brake behind it does not add up.
     model = MODELS["single integrator"]
     robot = team(model, [[0.0, 0.0]], [[9.0, 0.0]], perturbation=0.0)
@@ -386,7 +386,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize(("parameters", "knowledge", "said"), REFUSED.values(), ids=REFUSED)
-def test_what_does_not_fit_the_model_is_refused(
+def test_parameters_that_do_not_fit_the_model_are_refused(
     parameters: dict[str, Any], knowledge: dict[str, Any], said: str
 ) -> None:
     group = Team({}, 1, [[0.0, 0.0, 0.0]], [{"goal": [1.0, 0.0], **knowledge}], Unicycle()).group("robot")

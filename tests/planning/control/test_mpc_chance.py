@@ -139,9 +139,7 @@ def test_a_window_that_is_over_no_longer_holds_the_agent_back(tmp_path: Path) ->
         ("always[0, 9] always[0, 1] -1 < y < 0.5 and always x < 0.5", lambda plan: plan[:, 0] < 0.5),
     ],
 )
-def test_what_is_kept_may_be_any_condition_that_is_linear_piece_by_piece(
-    tmp_path: Path, formula: str, keeps: Any
-) -> None:
+def test_a_kept_condition_may_be_piecewise_linear(tmp_path: Path, formula: str, keeps: Any) -> None:
     plan, risk, events = run(tmp_path, scenario(formula, duration=1.0))
     assert not events
     assert keeps(plan).all()
@@ -149,7 +147,7 @@ def test_what_is_kept_may_be_any_condition_that_is_linear_piece_by_piece(
 
 
 @pytest.mark.parametrize(("fallback", "second"), [("best-effort", -0.2), ("slow-down", 0.0)])
-def test_what_cannot_be_kept_is_named_with_its_time_and_the_fallback_acts(
+def test_a_violated_condition_is_named_with_its_time_and_the_fallback_acts(
     tmp_path: Path, fallback: str, second: float
 ) -> None:
     """One step is too short for a distance that so little risk needs."""
@@ -176,7 +174,7 @@ def test_what_cannot_be_kept_is_named_with_its_time_and_the_fallback_acts(
         ("always x < 1", {"specifications": ["save"]}, "did you mean `safe`"),
     ],
 )
-def test_what_cannot_be_a_chance_constraint_is_refused_in_the_file(
+def test_an_unsuitable_chance_constraint_is_refused_in_the_file(
     tmp_path: Path, formula: str, changes: dict[str, Any], said: str
 ) -> None:
     (tmp_path / "bad.yaml").write_text(yaml.safe_dump(scenario(formula, **changes), sort_keys=False))

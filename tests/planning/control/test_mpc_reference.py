@@ -103,7 +103,7 @@ THINGS = st.builds(
 
 @given(st.lists(THINGS, max_size=5))
 @settings(max_examples=40)
-def test_whoever_follows_a_route_keeps_its_distance(things: list[dict[str, Any]]) -> None:
+def test_an_agent_on_a_route_keeps_its_distance(things: list[dict[str, Any]]) -> None:
     origin, target = np.array([-6.0, 0.3]), np.array([6.0, -0.2])
     corners = way(origin, target, *things)
     whole = scenery(*things)

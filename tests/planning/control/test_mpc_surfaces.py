@@ -47,7 +47,7 @@ def test_a_robot_passes_what_it_sees() -> None:
     assert (len(summary.goals_reached), summary.contacts) == (1, 0)
 
 
-def test_what_is_beyond_the_range_of_the_lidar_is_not_known() -> None:
+def test_surfaces_beyond_the_range_of_the_lidar_are_not_known() -> None:
     content = document(scan="lidar")
     content["agents"]["robot"]["components"]["lidar"]["with"]["range"] = 0.01
     assert scenario(content).run(record=False).summary.contacts > 0

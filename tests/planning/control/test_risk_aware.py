@@ -79,12 +79,12 @@ def test_the_speed_falls_at_once_and_recovers_at_its_rate() -> None:
     assert speeds == pytest.approx([1.0, 0.0, 0.4, 0.8, 1.0, 1.0])
 
 
-def test_each_event_is_told_once_in_an_episode() -> None:
+def test_each_event_is_announced_once_in_an_episode() -> None:
     _, events = told([0.0, 0.5, 0.6, 1.0, 0.6, 1.0, 0.0, 0.0, 0.5, 0.0], recovery=20.0)
     assert events == ["slowed", "stopped", "resumed", "slowed", "resumed"]
 
 
-def test_what_was_slowed_is_not_slowed_again_while_the_controller_pauses() -> None:
+def test_a_slowed_request_is_not_slowed_again_while_the_controller_pauses() -> None:
     speeds, _ = told([0.5] * 4, asleep=(1, 2))
     assert speeds == pytest.approx([0.5] * 4)
 
@@ -145,7 +145,7 @@ def crossing(model: NoisyModel, brake: bool) -> Simulation:
 
 
 @pytest.mark.parametrize("model", [SingleIntegrator(), Unicycle(), DoubleIntegrator()], ids=lambda m: type(m).__name__)
-def test_who_brakes_lets_the_other_pass_and_arrives(model: NoisyModel) -> None:
+def test_an_agent_that_brakes_lets_the_other_pass_and_arrives(model: NoisyModel) -> None:
     assert execute(crossing(model, brake=False), 400).contacts > 0
     ready = crossing(model, brake=True)
     slowed: list[Event] = []

@@ -104,7 +104,7 @@ def test_speed_that_leads_away_is_not_reduced(tmp_path: Path) -> None:
     assert not events
 
 
-def test_what_no_speed_keeps_is_named_with_its_time_and_the_least_risk_is_taken(tmp_path: Path) -> None:
+def test_a_bound_that_no_speed_keeps_is_named_with_its_time_and_the_least_risk_is_taken(tmp_path: Path) -> None:
     speed, _, events = run(tmp_path, scenario("always x < 0.05", duration=HORIZON))
     (event,) = (each for each in events if each.name == "infeasible")
     assert speed == 0.0
@@ -126,7 +126,7 @@ def test_runs_in_a_batch_keep_their_own_account() -> None:
         ("always x < 1", {"specifications": []}, "needs `specifications`"),
     ],
 )
-def test_what_it_cannot_keep_is_refused_in_the_file(
+def test_an_unsuitable_condition_is_refused_in_the_file(
     tmp_path: Path, formula: str, changes: dict[str, Any], said: str
 ) -> None:
     (tmp_path / "bad.yaml").write_text(yaml.safe_dump(scenario(formula, **changes), sort_keys=False))

@@ -123,7 +123,7 @@ def test_specifications_in_conflict_are_named_and_no_others(tmp_path: Path) -> N
     assert both.events[0].data["conflict"] == ["slow", "arrive"]
 
 
-def test_what_is_lost_is_given_up_and_the_rest_is_planned_for(tmp_path: Path) -> None:
+def test_lost_specifications_are_given_up_and_the_rest_is_planned_for(tmp_path: Path) -> None:
     run = played(tmp_path, {"lost": "always[0, 4] x > 1", "arrive": ARRIVE})
     assert run.verdicts == {"lost": "violated", "arrive": "satisfied"}
     assert run.names[:2] == ["infeasible", "planned"]
@@ -143,7 +143,7 @@ FAR = (
 @pytest.mark.parametrize("far", FAR)
 @pytest.mark.parametrize("stay", OPEN)
 @pytest.mark.parametrize("is_one", [True, False])
-def test_what_is_due_late_is_planned_for_beside_what_has_no_end(
+def test_late_specifications_are_planned_for_beside_endless_ones(
     tmp_path: Path, stay: str, far: str, is_one: bool
 ) -> None:
     formulas = {"both": f"({stay}) and ({far})"} if is_one else {"stay": stay, "far": far}

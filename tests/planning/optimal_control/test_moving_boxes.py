@@ -73,14 +73,14 @@ def test_the_radius_of_a_tube_is_kept_free_as_well() -> None:
     assert np.abs(found.states - oncoming())[1:].max(axis=1).min() >= 1.5 - 1e-6
 
 
-def test_whoever_is_within_the_box_leaves_it_in_a_step() -> None:
+def test_an_agent_within_the_box_leaves_it_in_a_step() -> None:
     centres = np.zeros((STEPS + 1, 2))
     found = planned(centres, np.ones(STEPS + 1), (0.2, 0.0))
     assert found.states is not None
     assert np.abs(found.states[1:]).max(axis=1).min() >= 1.0 - 1e-6
 
 
-def test_what_cannot_be_left_in_a_step_is_infeasible() -> None:
+def test_a_set_that_cannot_be_left_in_a_step_is_infeasible() -> None:
     assert planned(np.zeros((STEPS + 1, 2)), np.full(STEPS + 1, 5.0)).states is None
 
 

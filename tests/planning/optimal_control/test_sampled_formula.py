@@ -43,7 +43,7 @@ def robustness(formula: stl.Formula, sets: list[tuple[StateSet, StateSet]], stat
 
 
 @pytest.mark.parametrize("text", FORMULAS)
-def test_what_holds_at_the_steps_of_a_plan_holds_at_all_instants_on_the_way(text: str) -> None:
+def test_predicates_at_the_steps_of_a_plan_hold_at_all_instants_between(text: str) -> None:
     made = formulation(text)
     sets = predicate_sets(made, {"position": Affine(np.eye(2))}, REGIONS)
     coarse = sampled(made.formula, sets, EVERY)

@@ -234,7 +234,7 @@ def test_the_number_of_threads_changes_nothing(request: pytest.FixtureRequest) -
     assert len(said[0].splitlines()) == 2
 
 
-def test_who_begins_inside_an_obstacle_has_no_plan() -> None:
+def test_an_agent_that_begins_inside_an_obstacle_has_no_plan() -> None:
     solution = detour().solve([0.1, 0.0, 0.0], {"goal": [3.0, 0.0], "disc": [0.0, 0.0]})
     assert not solution.solved
     assert solution.solver == "ipopt"

@@ -176,7 +176,7 @@ def begins_within(formula: stl.Formula, at: int = 0) -> bool:
 
 
 @pytest.mark.parametrize("seed", range(60))
-def test_what_is_beyond_a_plan_is_open_to_the_search_and_left_out_of_the_robustness(seed: int) -> None:
+def test_instants_beyond_a_plan_are_open_to_the_search_and_left_out_of_the_robustness(seed: int) -> None:
     generator = np.random.default_rng(seed)
     formula = random_formula(generator, 2, widest=6, past=False, constants=False)
     program = SpecificationProgram(POINT, generator.uniform(-2.0, 2.0, 2).round(2), STEPS, robustness_weight=1.0)
@@ -243,7 +243,7 @@ def test_equal_programs_have_equal_solutions_to_the_byte() -> None:
     assert first.inputs.tobytes() == second.inputs.tobytes()
 
 
-def test_what_happened_is_fixed_and_counts() -> None:
+def test_past_states_are_fixed_and_count() -> None:
     formula = stl.And((stl.Eventually(0, 4, stl.Predicate(0)), stl.Always(0, 4, stl.Predicate(1))))
     sets = sets_of_halves()
     visited = np.array([[0.9, 0.0], [1.4, -0.4]])

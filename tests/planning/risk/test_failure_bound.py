@@ -97,7 +97,7 @@ def test_intents_and_their_correction_shape_the_covariance(tmp_path: Path, model
         ("always x != 1", "`!=` has no bound"),
     ],
 )
-def test_what_has_no_bound_is_refused_where_it_is_named(tmp_path: Path, formula: str, said: str) -> None:
+def test_a_predicate_without_a_bound_is_refused_where_it_is_named(tmp_path: Path, formula: str, said: str) -> None:
     content = scenario(formula, risk={"method": "normal"})
     (tmp_path / "risk.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
     with pytest.raises(ScenarioError, match=said):

@@ -139,7 +139,7 @@ def test_an_agent_is_at_risk_in_each_of_its_pairs(tmp_path: Path) -> None:
     assert risks[2] == 0.0
 
 
-def test_what_other_agents_there_are_changes_nothing(tmp_path: Path) -> None:
+def test_other_agents_change_nothing(tmp_path: Path) -> None:
     alone = estimates(tmp_path, scenario(last_step(0.3), agents=5))[0]
     among = estimates(tmp_path, scenario(last_step(0.3), agents=700))[0]
     np.testing.assert_array_equal(alone, among[:5])
@@ -168,7 +168,7 @@ def test_the_past_counts(tmp_path: Path) -> None:
         (["wanted"], {"each": "robot", "of": "belief", "formula": "always risk < 1"}, "is about beliefs"),
     ],
 )
-def test_what_cannot_be_predicted_is_refused_where_it_is_named(
+def test_an_unpredictable_model_is_refused_where_it_is_named(
     tmp_path: Path, named: list[str], specification: dict[str, Any], said: str
 ) -> None:
     content = scenario("always x < 1", risk={"specifications": named})

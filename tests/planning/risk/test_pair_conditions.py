@@ -84,7 +84,7 @@ def test_two_that_want_to_meet_stop_before(tmp_path: Path) -> None:
         ("eventually distance > 1", "only `always`"),
     ],
 )
-def test_what_cannot_be_kept_of_pairs_is_refused(tmp_path: Path, formula: str, said: str) -> None:
+def test_unsuitable_specifications_of_pairs_are_refused(tmp_path: Path, formula: str, said: str) -> None:
     (tmp_path / "bad.yaml").write_text(yaml.safe_dump(scenario(formula), sort_keys=False))
     with pytest.raises(ScenarioError, match=said):
         build(tmp_path / "bad.yaml")

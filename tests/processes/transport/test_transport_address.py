@@ -44,7 +44,7 @@ def test_an_address_has_a_host_and_a_port(text: str, expected: tuple[str, int]) 
         ("999.0.0.1:1", "no IP address"),
     ],
 )
-def test_what_is_wrong_with_an_address_is_said(text: str, said: str) -> None:
+def test_problems_of_an_address_are_reported(text: str, said: str) -> None:
     with pytest.raises(TransportError, match=said):
         parse_address(text)
 

@@ -19,7 +19,7 @@ from symaware_cli.processes.authentication import (
 
 
 @given(st.lists(st.binary(max_size=100), max_size=5))
-def test_what_was_sealed_is_opened_in_order(contents: list[bytes]) -> None:
+def test_sealed_records_are_opened_in_order(contents: list[bytes]) -> None:
     signer, verifier = Signer(b"k"), Verifier(b"k")
     for content in contents:
         record = signer.sign(content)

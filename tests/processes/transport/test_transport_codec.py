@@ -247,7 +247,7 @@ class _Strange:
         ([[[1, lambda: None]]], "function"),
     ],
 )
-def test_what_cannot_be_sent_is_refused_with_its_type(value: Any, named: str) -> None:
+def test_unsendable_values_are_refused_with_their_type(value: Any, named: str) -> None:
     with pytest.raises(TypeError, match=named):
         encode(Notice("a", "b", "INFO", "", {"value": value}))
 
@@ -357,7 +357,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("bad", BAD.values(), ids=BAD.keys())
-def test_what_does_not_fit_is_refused(bad: Any) -> None:
+def test_unsuitable_values_are_refused(bad: Any) -> None:
     if isinstance(bad, dict):
         bad = wire.Step(**bad)
     if not isinstance(bad, wire.Frame):

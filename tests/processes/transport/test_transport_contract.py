@@ -84,7 +84,7 @@ def test_frames_arrive_whole_and_in_order_both_ways(
     assert not any(member.rejected.values())
 
 
-def test_many_members_are_told_apart(make: Callable[..., Transport], stack: ExitStack) -> None:
+def test_many_members_are_distinguished(make: Callable[..., Transport], stack: ExitStack) -> None:
     transport = make()
     port = stack.enter_context(transport.listen("127.0.0.1", 0))
     members = [stack.enter_context(transport.join("127.0.0.1", number(port))) for _ in range(5)]
@@ -126,7 +126,9 @@ def test_a_member_comes_again_under_another_number(make: Callable[..., Transport
     assert expect(port, "frame")[1:3] == (guest, b"to the host")
 
 
-def test_who_is_cut_is_told_why_after_all_that_was_sent(make: Callable[..., Transport], stack: ExitStack) -> None:
+def test_a_disconnected_peer_receives_the_reason_after_all_sent_records(
+    make: Callable[..., Transport], stack: ExitStack
+) -> None:
     port, member, guest, home = meet(make(), stack, KEY)
     member.send(home, b"hello")
     expect(port, "frame")
@@ -147,7 +149,7 @@ def test_who_is_cut_is_told_why_after_all_that_was_sent(make: Callable[..., Tran
     assert port.receive(0) is None
 
 
-def test_what_was_sent_before_the_end_arrives(make: Callable[..., Transport], stack: ExitStack) -> None:
+def test_records_sent_before_the_end_arrive(make: Callable[..., Transport], stack: ExitStack) -> None:
     port, member, guest, _ = meet(make(), stack)
     for place in range(100):
         port.send(guest, bytes([place]) * 10_000)
@@ -167,7 +169,7 @@ def test_what_was_sent_before_the_end_arrives(make: Callable[..., Transport], st
         (KEY, b"another", "the host does not know this key"),
     ],
 )
-def test_who_has_not_the_key_is_told_so_for_each_try(
+def test_a_peer_without_the_key_is_refused_at_each_try(
     make: Callable[..., Transport], stack: ExitStack, host_key: bytes | None, key: bytes | None, reason: str
 ) -> None:
     transport = make()
@@ -197,7 +199,9 @@ def test_more_than_there_is_room_for_are_turned_away(make: Callable[..., Transpo
     expect(port, "came")
 
 
-def test_who_is_not_accepted_makes_room_for_who_comes(make: Callable[..., Transport], stack: ExitStack) -> None:
+def test_a_connection_that_is_not_accepted_makes_room_for_the_next(
+    make: Callable[..., Transport], stack: ExitStack
+) -> None:
     transport = make(members=2)
     port = stack.enter_context(transport.listen("127.0.0.1", 0))
     ports = [stack.enter_context(transport.join("127.0.0.1", number(port))) for _ in range(2)]
@@ -240,7 +244,7 @@ while True:
 """
 
 
-def test_who_holds_the_interpreter_lock_for_long_is_not_taken_for_dead(
+def test_a_process_that_holds_the_interpreter_lock_for_long_is_not_taken_for_dead(
     make: Callable[..., Transport], stack: ExitStack, processes: list[subprocess.Popen[str]]
 ) -> None:
     transport = make(timeout=0.5)
@@ -337,7 +341,7 @@ def test_a_process_that_is_stopped_is_gone_after_a_while_and_comes_again(
     assert expect(port, "came").peer != peer
 
 
-def test_a_member_whose_host_is_killed_is_told_and_finds_the_next(
+def test_a_member_whose_host_is_killed_reports_it_and_finds_the_next(
     make: Callable[..., Transport], stack: ExitStack, processes: list[subprocess.Popen[str]]
 ) -> None:
     transport = make(timeout=600.0)
@@ -356,7 +360,7 @@ def test_a_member_whose_host_is_killed_is_told_and_finds_the_next(
     expect(member, "came")
 
 
-def test_a_member_that_stands_still_while_its_host_ends_is_told_all_the_same(
+def test_a_member_that_stands_still_while_its_host_ends_is_still_informed(
     make: Callable[..., Transport], stack: ExitStack, processes: list[subprocess.Popen[str]]
 ) -> None:
     transport = make(timeout=600.0)
@@ -387,7 +391,7 @@ def test_a_run_that_computes_for_long_is_not_taken_for_dead(make: Callable[..., 
     assert expect(member, "frame").frame == b"still here"
 
 
-def test_who_does_not_read_is_cut_off_and_nobody_waits_for_it(
+def test_a_peer_that_does_not_read_is_disconnected_and_nobody_waits_for_it(
     make: Callable[..., Transport], stack: ExitStack, processes: list[subprocess.Popen[str]]
 ) -> None:
     transport = make(timeout=600.0, queue=4)
@@ -511,7 +515,9 @@ def test_a_transport_whose_library_is_not_there_says_what_to_install() -> None:
     assert "pip install 'symaware-cli[zenoh]'" in done.stdout
 
 
-def test_who_comes_as_the_port_closes_does_not_hold_it_up(stack: ExitStack, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_connection_at_the_closing_of_the_port_does_not_delay_it(
+    stack: ExitStack, monkeypatch: pytest.MonkeyPatch
+) -> None:
     for limit in ("port.PARTING", "port._CLOSING"):
         monkeypatch.setattr(f"symaware_cli.processes.{limit}", 60.0)
     host = Tcp(Tcp.Parameters()).listen("127.0.0.1", 0)
@@ -540,9 +546,7 @@ def test_a_stranger_who_comes_over_zenoh_as_the_host_closes_leaves_no_thread() -
     assert eventually(lambda: not threads(), within=10.0)
 
 
-def test_who_waits_for_frames_reads_them_without_another_thread(
-    stack: ExitStack, processes: list[subprocess.Popen[str]]
-) -> None:
+def test_waiting_for_frames_needs_no_other_thread(stack: ExitStack, processes: list[subprocess.Popen[str]]) -> None:
     port: Any = stack.enter_context(Tcp(Tcp.Parameters()).listen("127.0.0.1", 0))
     processes.append(echo(Tcp(Tcp.Parameters()), port))
     peer = expect(port, "came").peer

@@ -198,7 +198,7 @@ def _session(zenoh: Any, port: Port) -> Any:
 
 
 @pytest.mark.parametrize("key", [None, KEY])
-def test_who_says_nothing_is_let_go_after_the_timeout(key: bytes | None) -> None:
+def test_a_silent_connection_is_closed_after_the_timeout(key: bytes | None) -> None:
     transport = Tcp(Tcp.Parameters(timeout=0.3))
     with transport.listen("127.0.0.1", 0, key) as port:
         silent = [socket.create_connection(("127.0.0.1", number(port))) for _ in range(20)]
@@ -287,7 +287,7 @@ def test_records_may_arrive_in_any_pieces(guest: tuple[Port, Member]) -> None:
         ((100).to_bytes(4) + bytes(100), None),
     ],
 )
-def test_what_is_no_record_ends_the_connection(
+def test_a_malformed_record_ends_the_connection(
     guest: tuple[Port, Member], said: bytes, rejection: str | None, request: pytest.FixtureRequest
 ) -> None:
     port, member = guest

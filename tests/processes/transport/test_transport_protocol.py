@@ -151,21 +151,21 @@ def test_another_version_is_refused_by_name() -> None:
         pair.member.hear(bytes(preamble), 0.0)
 
 
-def test_what_was_sealed_for_an_earlier_connection_is_not_taken() -> None:
+def test_records_sealed_for_an_earlier_connection_are_refused() -> None:
     earlier, pair = Pair(KEY, KEY).meet(), Pair(KEY, KEY).meet()
     with pytest.raises(ConnectionEnded) as caught:
         pair.host.hear(earlier.member.record(FRAME, b"again"), pair.now)
     assert caught.value.rejection == "unauthenticated"
 
 
-def test_what_an_end_said_itself_is_not_taken() -> None:
+def test_own_records_are_refused() -> None:
     pair = Pair(KEY, KEY).meet()
     with pytest.raises(ConnectionEnded) as caught:
         pair.host.hear(pair.host.record(FRAME, b"mine"), pair.now)
     assert caught.value.rejection == "unauthenticated"
 
 
-def test_what_was_taken_before_is_not_taken_again() -> None:
+def test_repeated_records_are_refused() -> None:
     pair = Pair(KEY, KEY).meet()
     record = pair.member.record(FRAME, b"once")
     assert pair.host.hear(record, pair.now) == b"once"

@@ -65,7 +65,7 @@ def test_states_are_those_of_the_log(noisy: Path, tmp_path: Path) -> None:
             np.testing.assert_array_equal(values, series.values)
 
 
-def test_control_inputs_are_told_as_applied_and_as_asked_for(tmp_path: Path) -> None:
+def test_control_inputs_are_recorded_as_applied_and_as_requested(tmp_path: Path) -> None:
     log = open_log(write_sample(tmp_path / "sample.mcap"))
     export_tables(log, tmp_path / "tables", PARQUET, Selection(fields=frozenset({"control"})))
     made = sorted(path.relative_to(tmp_path / "tables").as_posix() for path in (tmp_path / "tables").rglob("*.parquet"))
@@ -166,7 +166,7 @@ def test_every_ray_of_a_scan_has_a_row(sensing: Path, table: Callable[[Path, str
         assert pose == scan.pose.tolist()
 
 
-def test_what_sensors_measured_in_numbers_has_a_row_for_each_agent(sensing: Path, tmp_path: Path) -> None:
+def test_numeric_measurements_have_a_row_for_each_agent(sensing: Path, tmp_path: Path) -> None:
     log = open_log(sensing)
     export_tables(log, tmp_path / "tables", PARQUET, select(log, fields=["measurement"]))
     for sensor in ("bumper", "inertia"):
@@ -209,7 +209,7 @@ def test_images_are_numbered_on_where_a_table_is_written_on(
     assert [text["image"] for text in texts] == [f"eye/{row:06}.png" for row in range(len(list(log.images())))]
 
 
-def test_units_and_what_the_log_is_are_in_the_metadata(noisy: Path, tmp_path: Path) -> None:
+def test_units_and_the_origin_of_the_log_are_in_the_metadata(noisy: Path, tmp_path: Path) -> None:
     export_tables(open_log(noisy), tmp_path / "tables", PARQUET)
     schema = parquet.read_schema(tmp_path / "tables" / "uncertainty" / "watcher.parquet")
     units = {field.name: (field.metadata or {}).get(b"unit") for field in schema}
@@ -259,7 +259,7 @@ def test_the_same_log_makes_the_same_bytes(noisy: Path, tmp_path: Path, form: An
     assert contents[0] == contents[1]
 
 
-def test_who_took_part_is_a_table(noisy: Path, tmp_path: Path) -> None:
+def test_the_agents_are_a_table(noisy: Path, tmp_path: Path) -> None:
     export_tables(open_log(noisy), tmp_path / "tables", PARQUET)
     agents = read(tmp_path / "tables" / "agents.parquet").to_pylist()
     assert [row["agent"] for row in agents] == ["straight", "turner", "watcher"]
@@ -309,7 +309,7 @@ def test_a_name_that_nobody_has_is_refused(tmp_path: Path, what: str, name: str)
     assert "risk" in refusal.value.known or "robot.1" in refusal.value.known
 
 
-def test_of_what_is_said_twice_at_one_instant_the_last_counts(
+def test_of_two_messages_at_one_instant_the_last_counts(
     write: Callable[..., Path], table: Callable[[Path, str], Any]
 ) -> None:
     entries = [
@@ -396,7 +396,7 @@ def test_the_name_of_a_group_leads_nowhere_else(write: Callable[..., Path], tmp_
         ("measurement/look", "Rows", wire.encode_rows([[1.0, 2.0]], [0])),
     ],
 )
-def test_a_message_that_does_not_fit_is_told_with_its_topic(
+def test_a_malformed_message_is_reported_with_its_topic(
     write: Callable[..., Path], tmp_path: Path, field: str, kind: str, data: bytes | ProtobufMessage
 ) -> None:
     content = data if isinstance(data, bytes) else data.SerializeToString()
@@ -435,7 +435,7 @@ def test_memory_does_not_grow_with_the_log(tmp_path: Path, monkeypatch: pytest.M
     assert peaks[1] < 1.2 * peaks[0] + 100_000
 
 
-def test_of_a_log_that_breaks_off_there_is_what_there_is(tmp_path: Path) -> None:
+def test_a_truncated_log_is_shown_up_to_its_end(tmp_path: Path) -> None:
     whole = write_sample(tmp_path / "whole.mcap")
     broken = tmp_path / "broken.mcap"
     broken.write_bytes(whole.read_bytes()[: whole.stat().st_size // 2])

@@ -14,7 +14,7 @@ from symaware_cli.log.reader import open_log
 GUIDE = CHECKOUT / "docs" / "export.md"
 
 
-def test_the_functions_of_the_guide_read_what_was_exported(noisy: Path, tmp_path: Path) -> None:
+def test_the_functions_of_the_guide_read_exports(noisy: Path, tmp_path: Path) -> None:
     log = open_log(noisy)
     export_tables(log, tmp_path / "tables", PARQUET)
     guide: dict[Any, Any] = {}

@@ -27,7 +27,7 @@ def test_a_page_is_printed_whole_or_not_at_all(page: Path, tmp_path: Path) -> No
     assert sorted(each.name for each in tmp_path.iterdir()) == ["page.html", "page.pdf"]
 
 
-def test_without_a_browser_the_error_says_what_to_install(
+def test_without_a_browser_the_error_names_the_packages_to_install(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))

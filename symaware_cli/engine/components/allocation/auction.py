@@ -1,4 +1,4 @@
-"""Auctions: agents bid for what is offered by messages, and one of them, or all in agreement, decide who gets what.
+"""Auctions: agents bid for offered specifications by messages, and one of them, or all in agreement, assign these.
 
 Reasons: docs/decisions/0044-auctions.md
 """
@@ -107,7 +107,7 @@ class AuctionRound:
         self.is_closed = False
 
     def hear(self, payload: Mapping[str, Any]) -> None:
-        """Take over what another agent knows of the round. Bids count if they are heard before bidding ends."""
+        """Add another agent's knowledge of the round to the own one. Bids count if they arrive before bidding ends."""
         if not self.is_closed:
             for agent, bids in payload["bids"].items():
                 self.bids.setdefault(agent, bids)
@@ -115,7 +115,7 @@ class AuctionRound:
             self.assignments.setdefault(author, dict(assigned))
 
     def message(self) -> dict[str, Any]:
-        """What the agent knows of the round, to tell others."""
+        """The agent's knowledge of the round, to be sent to others."""
         return {
             "since": self.since,
             "round": self.number,
@@ -143,7 +143,7 @@ class AuctionRound:
 
 
 def round_at(since: float, now: int, deadline: int) -> int:
-    """The number of the round at a time, of the auction of what was offered at `since` [s].
+    """The number of the round at a time, of the auction of specifications that were offered at `since` [s].
 
     A round lasts two deadlines: one for bids, one to tell who has won.
     """
@@ -153,19 +153,20 @@ def round_at(since: float, now: int, deadline: int) -> int:
 class Auction(CommunicationReceiver):
     """Auctions specifications that are offered among the agents of a group, by messages over the topology.
 
-    What was offered at the same time is auctioned together, in rounds whose times follow from that time alone. For one
-    `deadline`, agents tell their bids and all that they have heard. Then an agent assigns each specification to one
-    bidder and each bidder at most one specification, as many as possible and at the least total cost; ties go to the
-    agent that comes first. For another `deadline` it tells the result, and the winners accept. What is still open then
-    is auctioned again in the next round. No agent waits for another: who is not heard takes no part in a round.
+    Specifications that were offered at the same time are auctioned together, in rounds whose times follow from that
+    time alone. For one `deadline`, agents send their bids and all bids that they have received. Then an agent assigns
+    each specification to one bidder and each bidder at most one specification, as many as possible and at the least
+    total cost; ties go to the agent that comes first. For another `deadline` it sends the result, and the winners
+    accept. Specifications that are still open then are auctioned again in the next round. No agent waits for another:
+    an agent whose messages do not arrive takes no part in a round.
 
-    The auctioneer of a round is `auctioneer`, or the next agent that has been heard in this round. With
-    ``decision: consensus`` every agent assigns, and a winner accepts when it has heard the same assignment from every
-    agent whose bid it knows. Either way an agent accepts by a call that only one of them can make
+    The auctioneer of a round is `auctioneer`, or the next agent from which a message has arrived in this round. With
+    ``decision: consensus`` every agent assigns, and a winner accepts when it has received the same assignment from
+    every agent whose bid it knows. Either way an agent accepts by a call that only one of them can make
     (`Component.accept`), so lost messages can delay an acceptance and never double it.
 
-    A bid is the distance from satisfying the specification on what was measured (minus its robustness), or what
-    another component of the agent says. An agent does not accept anything by a bid from before its last acceptance.
+    A bid is the distance from satisfying the specification by the measured values (minus its robustness), or a value
+    from another component of the agent. An agent does not accept anything by a bid from before its last acceptance.
     """
 
     events: ClassVar[Mapping[str, str]] = {
@@ -260,7 +261,7 @@ class Auction(CommunicationReceiver):
         return self._rounds[-1]
 
     def _open(self) -> dict[str, Mapping[str, Any]]:
-        """The terms of what the agent was told is open, by name, in the order of names."""
+        """The terms of the offers that are open as far as the agent knows, by name, in the order of names."""
         return {
             name: terms
             for name, terms in sorted(self._agent.offers.items())
@@ -328,7 +329,7 @@ class Auction(CommunicationReceiver):
             self.emit("unassigned", f"no bidder can take `{name}`", specification=name, **details)
 
     def _accept(self, each: AuctionRound) -> None:
-        """Accept what the agent has won in a round."""
+        """Accept the specification that the agent has won in a round."""
         own = self._agent.id
         if own not in each.bids or not each.assignments:
             return

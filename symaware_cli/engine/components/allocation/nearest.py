@@ -1,4 +1,4 @@
-"""Allocation without negotiation: each agent accepts what it is nearest to."""
+"""Allocation without negotiation: each agent accepts the specification that it is nearest to."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from symaware_cli.core import Agent, AwarenessDatabase, Component, KnowledgeData
 
 
 class NearestOffer(Component):
-    """Accepts, of the specifications that the agent was told are offered, those that it is nearest to.
+    """Accepts, of the specifications that are offered as far as the agent knows, the nearest one.
 
-    Nearest is what has the greatest robustness on what was measured: of `eventually inside(position, shelf)` that is
-    minus the distance to the shelf. The agent then knows what came with the offer, such as its next `goal`. It accepts
-    the next one when the last is decided. Agents do not negotiate: the first to accept has it, and of several in the
-    same instant the first in the order of the scenario's turns. `communication.flooding` with `names: [offers]` tells
-    other agents what is offered.
+    The nearest is the one with the greatest robustness by the measured values: for `eventually inside(position, shelf)`
+    this is minus the distance to the shelf. The agent then adds the knowledge in the offer, such as its next `goal`, to
+    its own. It accepts the next specification when the last one is decided. Agents do not negotiate: the first agent to
+    accept a specification has it, and of several in the same instant the first in the order of the scenario's turns.
+    `communication.flooding` with `names: [offers]` passes offers on to other agents.
     """
 
     events: ClassVar[Mapping[str, str]] = {"too-late": "The agent would have accepted an offer that is not open to it."}
@@ -46,7 +46,7 @@ class NearestOffer(Component):
         self._refused: dict[str, float] = {}
 
     def _compute(self) -> Mapping[str, Any]:
-        """Return the terms of what is offered, the nearest first, if the agent can accept something."""
+        """Return the terms of the open offers, the nearest first, if the agent can accept one."""
         agent = self._agent
         status = agent.specifications
         held = [name for name in self._accepted if name in status and status[name].verdict is None]

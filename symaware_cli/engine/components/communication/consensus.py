@@ -222,7 +222,7 @@ class Consensus(GroupCommunicationReceiver):
 
     If messages are lost, this would not converge to the mean: one of two neighbours would move towards the other, but
     not vice versa. So each agent sends the sum S of all its values so far, and x_i = x_i(0) + e sum_j (S_j - S_i), with
-    both sums of the latest turn of which i received that of j. Without losses this is the same, and any later message
+    both sums of the latest turn whose sum of j has reached i. Without losses this is the same, and any later message
     makes up for a loss (running sums are due to N. H. Vaidya, C. N. Hadjicostis, A. D. Dominguez-Garcia, "Robust
     Distributed Average Consensus via Exchange of Running Sums", IEEE Transactions on Automatic Control 61, 2016). All
     agents must take their turns at the same times.

@@ -12,7 +12,7 @@ _NEEDED = "a consensus needs turns at the same times"
 
 
 def check_consensus(view: ScenarioView) -> None:
-    """Report whatever does not suit the consensus of other groups on the same name, or the links."""
+    """Report parameters that contradict the consensus of other groups on the same name, and unsuitable links."""
     assert view.entry is not None
     own: Any = view.entry.components[0]
     name = own.parameters.name

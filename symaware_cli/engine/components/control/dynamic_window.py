@@ -1,4 +1,4 @@
-"""The dynamic window approach: the speed and turn rate of the best arc that keeps clear of what is seen.
+"""The dynamic window approach: the speed and turn rate of the best arc that keeps clear of seen surfaces.
 
 Reasons: docs/decisions/0087-sensing.md
 """
@@ -11,10 +11,10 @@ import numpy as np
 from pydantic import Field
 
 from symaware_cli.core import AgentGroup
-from symaware_cli.engine.components.control.free_direction import DirectionCosts, free_directions, turned
+from symaware_cli.engine.components.control.free_direction import DirectionCosts, free_directions
 from symaware_cli.engine.components.control.scan_steering import ScanSteering
 from symaware_cli.engine.components.scan_surfaces import BelievedPose, NearReturns, believed_pose
-from symaware_cli.geometry import Array, Pieces
+from symaware_cli.geometry import Array, Pieces, wrapped
 
 #: The positions of an arc at which distances are measured.
 _SAMPLES = 8
@@ -36,15 +36,15 @@ class DynamicWindow(ScanSteering):
     stop. The best maximises the weighted sum of the approach to the target, of the heading towards it where the arc is
     nearest to it, of the clearance and of the speed. If none is admissible the agent stops, and goes on turning.
 
-    Alone the method stops in front of what is in the way to the target. So the target is turned into the free direction
-    of the scan that differs least from it, as `VectorFieldHistogram` finds it.
+    Alone the method stops in front of obstacles in the way to the target. So the target is turned into the free
+    direction of the scan that differs least from it, as `VectorFieldHistogram` finds it.
 
     With the `footprint` of a rectangle, distances from returns are those of the rectangle around the body as it turns,
     so that a long body passes through gaps that the circle around it does not fit into.
     """
 
     class Parameters(ScanSteering.Parameters):
-        """The window, the arcs and what they are worth."""
+        """The window, the arcs and their weights."""
 
         window: float = Field(0.25, gt=0, description="Within which time a speed has to be attained [s].")
         arc: float = Field(1.5, gt=0, description="How long the arcs are [s].")
@@ -111,7 +111,7 @@ class DynamicWindow(ScanSteering):
         distance = np.take_along_axis(distance, nearest, axis=2)[..., 0]
         progress = (_length(goal) - distance) / (given.speed * given.arc)
         # Where the arc is nearest to the target; there is no heading towards a target that is reached.
-        error = np.take_along_axis(turned(np.arctan2(rest[..., 1], rest[..., 0]), headings), nearest, axis=2)[..., 0]
+        error = np.take_along_axis(wrapped(np.arctan2(rest[..., 1], rest[..., 0]) - headings), nearest, axis=2)[..., 0]
         error = np.where(distance <= given.tolerance, 0.0, error)
         clear = np.minimum(spare.min(axis=2), given.range) / given.range
         score = (
@@ -159,7 +159,7 @@ class DynamicWindow(ScanSteering):
         Args:
             places: Positions relative to the agents [m]; shape (n, c, s, 2).
             headings: Headings there [rad]; shape (n, c, s).
-            near: What is seen.
+            near: The returns of the lidar.
         """
         is_disc = self.parameters.footprint == "disc"
         chosen = np.argsort(near.distances, axis=1, kind="stable")[:, : self.parameters.returns]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from symaware_cli.engine.components.scan_surfaces import BelievedPose, NearReturns
-from symaware_cli.geometry import Array, Mask
+from symaware_cli.geometry import Array, Mask, wrapped
 
 #: What turning off to the left costs more than to the right, so that those that meet do not choose the same side.
 _LEFT = 1.1
@@ -57,18 +57,18 @@ def free_directions(
         ahead: The direction of the target [rad]; shape (n,).
         previous: The direction chosen before [rad], NaN for none; shape (n,).
         pose: The poses of the agents.
-        near: What they see.
-        keep: The distance to keep from it [m].
+        near: The returns of their lidars.
+        keep: The distance to keep from these [m].
         sectors: How many directions are compared, besides that of the target.
         costs: The costs.
     """
     rows = np.arange(len(ahead))
     around = np.broadcast_to(2.0 * np.pi * np.arange(sectors) / sectors, (len(ahead), sectors))
     candidates = np.concatenate([ahead[:, None], around], axis=1)
-    off = turned(candidates, ahead[:, None])
+    off = wrapped(candidates - ahead[:, None])
     cost = costs.target * np.where(off > 0.0, _LEFT, 1.0) * np.abs(off)
-    cost = cost + costs.previous * np.abs(turned(candidates, np.where(np.isnan(previous), ahead, previous)[:, None]))
-    cost = cost + costs.heading * np.abs(turned(candidates, pose.heading[:, None]))
+    cost = cost + costs.previous * np.abs(wrapped(candidates - np.where(np.isnan(previous), ahead, previous)[:, None]))
+    cost = cost + costs.heading * np.abs(wrapped(candidates - pose.heading[:, None]))
     cost = np.where(_blocked(candidates, near, keep), np.inf, cost)
     best = cost.argmin(axis=1)
     free = np.isfinite(cost[rows, best])
@@ -82,13 +82,7 @@ def _blocked(candidates: Array, near: NearReturns, keep: float) -> Mask:
     # Agent by agent, as most see few returns within the range.
     for row in range(len(candidates)):
         some = np.flatnonzero(np.isfinite(near.distances[row]))
-        apart = np.abs(turned(candidates[row, :, None], near.angles[row, some]))
+        apart = np.abs(wrapped(candidates[row, :, None] - near.angles[row, some]))
         # A body that is as near as it may be can move along the surface.
         blocked[row] = (apart < half[row, some] - 1e-9).any(axis=1)
     return blocked
-
-
-def turned(angles: Array, others: Array) -> Array:
-    """Return by how much angles are to the left of others, in [-pi, pi) [rad]."""
-    left: Array = np.remainder(angles - others + np.pi, 2.0 * np.pi) - np.pi
-    return left

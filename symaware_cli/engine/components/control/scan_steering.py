@@ -1,4 +1,4 @@
-"""Base class of controllers that drive by a lidar: along waypoints or to a goal, past what is seen."""
+"""Base class of controllers that drive by a lidar: along waypoints or to a goal, past seen surfaces."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class ScanDecision(NamedTuple):
         begins: Whether the line of each agent is new; shape (n,).
         travelled: How far along its line each agent is [m]; shape (n,).
         reached: Whether each agent is at the end; shape (n,).
-        memory: What the controller remembers; shape (n,).
+        memory: The memory of the controller; shape (n,).
     """
 
     control_input: Array
@@ -102,7 +102,7 @@ class ScanSteering(Approach):
         Args:
             target: Where to head for [m]; shape (n, 2).
             speed: How fast at most [m/s]; shape (n,).
-            near: What is seen within the range.
+            near: The returns within the range.
         """
         raise NotImplementedError
 
@@ -148,7 +148,7 @@ class ScanSteering(Approach):
         """Return the present lines.
 
         Raises:
-            ValueError: What the agents know are not positions in the plane.
+            ValueError: The goals or waypoints in the knowledge of the agents are not positions in the plane.
         """
         if all("waypoints" in known for known in group.knowledge):
             corners, counts = group.known_lists("waypoints")

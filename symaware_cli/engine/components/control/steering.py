@@ -125,8 +125,8 @@ def slowest(model: Model, state: Array, control_input: Array) -> Array:
 class RequestFilter(GroupComponent):
     """A component that replaces the control inputs that the preceding controller requested.
 
-    If the controller takes fewer turns, each turn of the filter starts from its original request, not from what the
-    filter made of it before.
+    If the controller takes fewer turns, each turn of the filter starts from its original request, not from the
+    filtered one.
     """
 
     def initialise_component(self, group: AgentGroup) -> None:

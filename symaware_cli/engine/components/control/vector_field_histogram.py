@@ -42,7 +42,7 @@ class VectorFieldHistogram(ScanSteering):
     A body with a heading moves along it while it turns towards the direction that was chosen. So the surfaces ahead of
     the heading limit its speed as well: close to something, it turns first and then drives on.
 
-    The model follows the velocity as well as it can; `margin` has to cover what it cannot follow.
+    The model follows the velocity as well as it can; `margin` has to cover the difference.
     """
 
     class Parameters(ScanSteering.Parameters):

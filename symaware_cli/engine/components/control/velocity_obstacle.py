@@ -79,9 +79,9 @@ class VelocityObstacle(GoalSeeking):
     the same place, as on a circle, reciprocal avoidance alone ends in a deadlock that no small random change resolves;
     keeping right makes it a roundabout.
 
-    Constraints hold for velocities that are followed exactly, from one step to the next. ``margin`` covers what a model
-    cannot follow (a unicycle turns before it rolls) and the motion within a step. Heights are ignored. The intent is
-    the velocity over the horizon.
+    Constraints hold for velocities that are followed exactly, from one step to the next. ``margin`` covers the
+    deviations of a model (a unicycle turns before it rolls) and the motion within a step. Heights are ignored. The
+    intent is the velocity over the horizon.
     """
 
     batchable = True

@@ -62,7 +62,7 @@ class Collision(PairRisk):
         return np.minimum(risk, 1.0)
 
     def _confined(self, pairs: BodyPairs, probability: Array) -> Array:
-        """Return the probability of a collision of each pair, given what is known of where others stay."""
+        """Return the probability of a collision of each pair, given the known sets in which others stay."""
         counted = self.parameters.promises
         if not isinstance(pairs, WithOthers) or counted == "ignored":
             return probability

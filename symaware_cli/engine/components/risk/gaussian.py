@@ -254,7 +254,7 @@ def _quadrature(mean: Array, deviation: Array, half: Array, nodes: tuple[Array, 
 
 
 def _cholesky(covariance: Array, floor: Array) -> list[list[Array]]:
-    """Return the Cholesky factors of covariances, also of those that are only semidefinite.
+    """Return the Cholesky factors of covariances, also of semidefinite ones.
 
     Returns:
         Element (i, j) of all of them, each of shape (m,).

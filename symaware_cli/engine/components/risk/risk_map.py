@@ -71,7 +71,7 @@ class RiskMap(Collision):
 
     Where an agent knows that another stays in a set, as from a promise, the encounter is evaluated only in cells from
     which the agent could touch the set, enlarged by the other's body. In all others its risk is the declared
-    probability of leaving the set, or 0 with ``promises: if-kept``. The signal `evaluations` counts what is evaluated.
+    probability of leaving the set, or 0 with ``promises: if-kept``. The signal `evaluations` counts the evaluations.
     """
 
     batchable = False

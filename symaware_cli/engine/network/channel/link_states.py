@@ -39,7 +39,7 @@ class Backlog:
         self._seen, self._turn = (np.concatenate([each, np.zeros(room, np.int64)]) for each in (self._seen, self._turn))
 
     def settle(self, links: Indices, now: int, free: Times) -> Array:
-        """Remove what has entered the links, and return how much still waits, in bytes.
+        """Remove the data that has entered the links, and return the waiting rest [bytes].
 
         Args:
             links: The rows of the links; shape (m,).

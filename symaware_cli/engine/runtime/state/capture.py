@@ -23,7 +23,7 @@ from symaware_cli.world import Seed
 
 
 class Capturable(Protocol):
-    """What is captured and restored of a run.
+    """The parts of a run that are captured and restored.
 
     Attributes:
         simulation: The simulation.
@@ -81,7 +81,7 @@ def restore(run: Capturable, state: SimulationState, scenario: str, version: str
         state: The state.
         scenario: The digest of the scenario of the run.
         version: The version of the package.
-        seed: What is drawn from then on; None for the seed of the state, as if nothing had been restored.
+        seed: The seed of draws from then on; None for the seed of the state, as if nothing had been restored.
 
     Raises:
         StateError: The state is of another scenario or version, or cannot be restored here. Nothing was changed, unless
@@ -138,7 +138,7 @@ def return_to(run: Capturable, marked: StateMark, seed: Seed | None = None) -> N
     Args:
         run: The run.
         marked: The state.
-        seed: What is drawn from then on, for each run of a batch; None for the seed of the state, as if nothing had
+        seed: The seed of draws from then on, for each run of a batch; None for the seed of the state, as if nothing had
             happened since.
     """
     run.reopen()

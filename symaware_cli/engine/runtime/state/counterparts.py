@@ -285,13 +285,13 @@ def _is_plain_key(key: Any) -> bool:
 
 
 def _in_order(held: Sequence[Any], there: Sequence[Any], path: Path) -> Iterator[tuple[Any, Any, Path]]:
-    """The elements of a sequence, of which fewer may exist."""
+    """The elements of a sequence; the live one may have fewer."""
     for index, each in enumerate(held):
         yield each, there[index] if index < len(there) else NOTHING, (path, f"[{index}]")
 
 
 def _in_attributes(contents: Any, live: Any, path: Path) -> Iterator[tuple[Any, Any, Path]]:
-    """What an object holds besides its elements: its attributes and its class."""
+    """The contents of an object besides its elements: its attributes and its class."""
     rest = contents[2 + contents[1] :]
     if len(rest) % 2:  # the length of a deque, or the default factory of a mapping
         yield rest[0], getattr(live, "default_factory", NOTHING), path

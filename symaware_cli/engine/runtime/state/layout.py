@@ -38,8 +38,8 @@ class Layout(NamedTuple):
         is_plain: Whether attributes visible to Python are all the state of its objects.
         is_data: Whether it is a data class.
         is_value: Whether its objects are immutable.
-        is_model: Whether its objects are immutable models of pydantic, such as parameters: whatever they contain is
-            not changed either.
+        is_model: Whether its objects are immutable models of pydantic, such as parameters, whose
+            contents are not changed either.
     """
 
     name: str

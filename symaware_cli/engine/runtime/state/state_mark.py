@@ -1,8 +1,8 @@
 """A state that a simulation itself returns to, without being serialised.
 
 `capture` makes plain data of a state, for other processes as well. A mark serves one simulation in one process, which
-begins again and again: it refers to the objects of the simulation, and holds copies of the contents of those that can
-change. Returning to it copies these contents back, so objects keep their identities, and nothing has to be matched.
+begins again and again: it refers to the objects of the simulation, and holds copies of the contents of mutable
+ones. Returning to it copies these contents back, so objects keep their identities, and nothing has to be matched.
 
 Reasons: docs/decisions/0083-learning.md
 """

@@ -112,7 +112,7 @@ def test_ties_go_to_the_agent_that_comes_first(ran: Ran) -> None:
     assert history(log, "assigned")[0][2] == "east to robot.0, north to robot.1"
 
 
-def test_what_is_more_than_the_agents_can_take_is_auctioned_in_the_next_round(ran: Ran) -> None:
+def test_specifications_beyond_the_number_of_agents_are_auctioned_in_the_next_round(ran: Ran) -> None:
     alone = {"count": 1, "state": [2, 0], "knowledge": {"goal": [2, 0]}}
     log = ran(BOTH, robot=alone)
     assert [(when, name) for when, name, _ in history(log, "assigned", "unassigned")] == [
@@ -165,7 +165,7 @@ def test_an_auctioneer_that_dies_after_its_bid_delays_the_auction_by_one_round(r
     assert check_log(log.path).specifications == log.outcomes
 
 
-def test_what_a_failed_agent_had_accepted_is_auctioned_again(ran: Ran) -> None:
+def test_the_specifications_of_a_failed_agent_are_auctioned_again(ran: Ran) -> None:
     log = ran(BOTH, faults={"crash": {"stop": "robot.1", "at": 3.0}})
     (first, again) = holders(log)["north"]
     assert first == (2.5, "robot.1")
@@ -174,7 +174,7 @@ def test_what_a_failed_agent_had_accepted_is_auctioned_again(ran: Ran) -> None:
     assert 4.5 <= again[0] <= 5.0
 
 
-def test_what_nobody_can_take_any_more_is_rejected_by_an_event(ran: Ran) -> None:
+def test_an_offer_that_no_agent_can_accept_any_more_is_rejected_by_an_event(ran: Ran) -> None:
     alone = {"count": 1, "state": [2, 0], "knowledge": {"goal": [2, 0]}}
     log = ran({"north": NORTH}, robot=alone, faults={"crash": {"stop": "robot.0", "at": 3.0}})
     assert [name for _, name, _ in history(log, "offered", "accepted", "released", "rejected")] == [

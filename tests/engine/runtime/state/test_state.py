@@ -104,7 +104,7 @@ def test_an_array_has_the_same_bits_layout_and_permission(array: NDArray[np.floa
     assert found.base is None
 
 
-def test_an_array_of_another_layout_is_one_array_for_all_who_hold_it() -> None:
+def test_an_array_of_another_layout_stays_one_array_for_all_its_holders() -> None:
     array = np.arange(6.0).reshape(2, 3).T.copy(order="F")
     thing: Any = moved(one=array, other=array)
     assert thing.one is thing.other
@@ -129,7 +129,7 @@ def test_a_view_still_shows_the_array_that_it_showed() -> None:
     assert found.view[1, 0] == 77.0
 
 
-def test_what_was_one_object_is_one_object_even_in_a_circle() -> None:
+def test_shared_objects_stay_shared_even_in_cycles() -> None:
     circle: list[Any] = [1]
     circle.append(circle)
     found: Any = moved(one=circle, other=circle)
@@ -190,7 +190,7 @@ class Standing:
         return getattr(self._for, name)
 
 
-def test_what_stands_in_for_another_object_has_its_own_attributes_only() -> None:
+def test_a_substitute_object_has_its_own_attributes_only() -> None:
     thing, target = Thing(note="not its own"), Thing()
     standing: Any = Standing()
     standing._for = thing
@@ -203,7 +203,7 @@ def test_what_stands_in_for_another_object_has_its_own_attributes_only() -> None
     assert (untyped(target).standing.note, untyped(target).standing._for.note) == ("its own", "not its own")
 
 
-def test_what_never_changes_is_not_changed_under_the_hands_of_who_holds_it() -> None:
+def test_immutable_objects_are_not_changed_in_place() -> None:
     thing: Any = Thing(series=TimeSeries({0.0: [1.0]}), value=Value(1))
     entries = take(thing)
     series, value = thing.series, thing.value
@@ -214,7 +214,7 @@ def test_what_never_changes_is_not_changed_under_the_hands_of_who_holds_it() -> 
     assert later == (TimeSeries({0.0: [2.0]}), Value(2))
 
 
-def test_a_function_keeps_what_it_remembers() -> None:
+def test_a_function_keeps_its_memory() -> None:
     count = 0
 
     def step() -> int:
@@ -261,7 +261,7 @@ def test_a_generator_of_chance_draws_on_from_where_it_was() -> None:
         (threading.Thread(), r"it is a threading\.Thread"),
     ],
 )
-def test_what_cannot_be_taken_is_refused_with_the_place_where_it_stands(value: object, said: str) -> None:
+def test_objects_that_cannot_be_captured_are_refused_at_their_place(value: object, said: str) -> None:
     with pytest.raises(StateError, match=said):
         take(Thing(inner=Thing(value=value)))
 

@@ -49,7 +49,7 @@ def test_a_value_refers_to_what_stands_at_the_other_end(ends: list[tuple[Transfe
     assert other_world.size == "there"
 
 
-def test_the_state_of_a_named_object_goes_over_but_for_what_holds_none(
+def test_the_state_of_a_named_object_is_transferred_except_attributes_without_state(
     ends: list[tuple[Transfer, Thing, Thing]],
 ) -> None:
     (here, thing, _), (there, other_thing, other_world) = ends
@@ -72,7 +72,7 @@ def test_the_same_state_is_the_same_bytes_at_both_ends(ends: list[tuple[Transfer
     assert there.taken(["thing"]) == data
 
 
-def test_what_has_changed_is_never_the_object_that_it_was(ends: Any) -> None:
+def test_changed_values_are_new_objects(ends: Any) -> None:
     """A cache that compares identities at the other end would otherwise be taken for fresh."""
     (here, thing, _), (there, other_thing, _) = ends
     thing.version, thing.table = Mark(), [1]
@@ -85,7 +85,7 @@ def test_what_has_changed_is_never_the_object_that_it_was(ends: Any) -> None:
     assert other_thing.table is not table
 
 
-def test_what_cannot_be_sent_is_refused_with_its_place(ends: Any) -> None:
+def test_content_that_cannot_be_sent_is_refused_at_its_place(ends: Any) -> None:
     (here, thing, _), _ = ends
     thing.plan = {"lock": threading.Lock()}
     with pytest.raises(StateError, match=r"the state of thing\.plan\['lock'\] cannot be captured: it is a .*lock"):

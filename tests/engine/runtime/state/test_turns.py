@@ -89,7 +89,7 @@ def test_faults_under_way_are_part_of_the_state(scenario: Callable[..., sa.Scena
 @pytest.mark.parametrize("where", ["home", "process"])
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
 @pytest.mark.parametrize("step", [2, 7, 9, 12])
-def test_who_enters_and_leaves_is_part_of_the_state(
+def test_the_presence_of_agents_is_part_of_the_state(
     scenario: Callable[..., sa.Scenario], mode: str, step: int, where: str
 ) -> None:
     """By a time, on a condition and with an event; before, between and behind what happens in steps 8 to 11."""
