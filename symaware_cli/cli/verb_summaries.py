@@ -21,7 +21,7 @@ SUMMARIES: dict[str, tuple[str, str, int]] = {
         45,
     ),
     "symaware_cli.cli.certify:certify": (
-        "Decide the claim in the plan of a sweep. Exit status 3 if it is not established.",
+        "Decide the claim in the plan of a sweep, or the product of those of several. Exit status 3 if not established.",
         "check",
         40,
     ),
@@ -36,7 +36,7 @@ SUMMARIES: dict[str, tuple[str, str, int]] = {
         10,
     ),
     "symaware_cli.cli.doctor:doctor": (
-        "Say what is installed, what of it works, and what to do about the rest.",
+        "List the parts of the installation, whether they work, and how to repair those that do not.",
         "author",
         60,
     ),

@@ -22,7 +22,6 @@ from .proximity import ClosestPair as ClosestPair
 from .proximity import Pairs as Pairs
 from .proximity import Proximity as Proximity
 from .proximity import closest_pair as closest_pair
-from .proximity import nearest_distances as nearest_distances
 from .rays import BodiesInPlane as BodiesInPlane
 from .rays import rays_in_plane as rays_in_plane
 from .region import REGION_COLOURS as REGION_COLOURS
