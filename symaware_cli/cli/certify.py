@@ -48,7 +48,7 @@ def certify(
     results: Results = None,
     as_json: Json = False,
 ) -> None:
-    """Decide the claim in the plan of a sweep, or the product of those of several. Exit status 3 if not established."""
+    """Decide the claim of a sweep, or the product of those of several. Exit status 3 if it is not established."""
     if len(folders) > 1:
         for name, given in (("--claim", claim), ("--key", key), ("--output", output), ("--results", results)):
             if given:

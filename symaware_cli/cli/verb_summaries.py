@@ -21,7 +21,7 @@ SUMMARIES: dict[str, tuple[str, str, int]] = {
         45,
     ),
     "symaware_cli.cli.certify:certify": (
-        "Decide the claim in the plan of a sweep, or the product of those of several. Exit status 3 if not established.",
+        "Decide the claim of a sweep, or the product of those of several. Exit status 3 if it is not established.",
         "check",
         40,
     ),
