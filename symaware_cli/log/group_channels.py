@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,12 +15,10 @@ from symaware_cli.log import wire
 from symaware_cli.log.fields import SIGNAL_MESSAGES, columns_metadata, signal_metadata, signal_topic
 from symaware_cli.log.json_text import as_json
 from symaware_cli.log.others_channel import OthersChannel
+from symaware_cli.log.sensor_channels import SensorChannels
 from symaware_cli.log.shared_channel import POSE, SHARED, shared_metadata
 from symaware_cli.log.writer import LogWriter
 from symaware_cli.world import motion_quantities
-
-if TYPE_CHECKING:
-    from symaware_cli.log.sensor_channels import SensorChannels
 
 
 class EntityChannels:
@@ -169,7 +167,8 @@ class GroupChannels:
             if "awareness" in self._channels
             else None
         )
-        self._sensors: SensorChannels | None = None
+        # There from the beginning, since a captured state can only be restored into objects that exist.
+        self._sensors = SensorChannels(writer, group) if "sensors" not in self._omit else None
         #: The columns of the parts of awareness whose channel is open.
         self._parts = [
             (self._channels[name], awareness.columns[name]) for name in awareness.parts if name in self._channels
@@ -217,11 +216,7 @@ class GroupChannels:
             updates += self._record_knowledge(now, channels["knowledge"])
         for channel, column in self._signals:
             updates += self._record_any(now, channel, column)
-        if awareness.readings and "sensors" not in self._omit:
-            if self._sensors is None:
-                from symaware_cli.log.sensor_channels import SensorChannels
-
-                self._sensors = SensorChannels(self._writer, self._group)
+        if self._sensors and awareness.readings:
             updates += self._sensors.record(now, self._rows.now)
         return updates
 

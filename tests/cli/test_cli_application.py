@@ -47,7 +47,6 @@ UNUSED = [
     "symaware_cli.language.presence_builder",
     "symaware_cli.engine.runtime.scope",
     "symaware_cli.engine.runtime.replica",
-    "symaware_cli.log.sensor_channels",
 ]
 HEAVY = ["scipy", "asyncio", "rerun", "matplotlib", "casadi", "pymunk", "pybullet", "networkx", "rich"]
 

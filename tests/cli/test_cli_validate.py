@@ -60,7 +60,7 @@ def test_values_may_be_changed_before_they_are_checked(command: Command, scenari
 def test_a_hundred_thousand_agents_can_be_validated(command: Command, scenarios: Path) -> None:
     done = command("validate", scenarios / "hello.yaml", "--set", "agents.robot.count=100000")
     assert done.returncode == 0, done.stderr
-    assert "100000 agents" in done.stdout
+    assert "100,000 agents" in done.stdout
 
 
 def test_a_warning_leaves_the_exit_status_alone(command: Command, tmp_path: Path) -> None:
