@@ -56,11 +56,12 @@ def tested(names: Sequence[str], options: Sequence[str]) -> int:
 
 def main(arguments: Sequence[str]) -> int:
     """Remove what was asked for."""
-    before, _, options = " ".join(arguments).partition("--") if "--" in arguments else (" ".join(arguments), "", "")
-    names = [each for each in before.split() if each != "--each"]
-    if "--each" in arguments:
-        return max(tested([name], options.split()) for name in names or (*sorted(FEATURES), *SINGLE))
-    return tested(names or sorted(FEATURES), options.split())
+    end = list(arguments).index("--") if "--" in arguments else len(arguments)
+    before, options = arguments[:end], arguments[end + 1 :]
+    names = [each for each in before if each != "--each"]
+    if "--each" in before:
+        return max(tested([name], options) for name in names or (*sorted(FEATURES), *SINGLE))
+    return tested(names or sorted(FEATURES), options)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Scenarios in Python: loaded, checked and run."""
 
 import asyncio
+import inspect
 import math
 import os
 import pickle
@@ -37,10 +38,15 @@ def test_the_package_itself_imports_neither_numpy_nor_more_of_itself_than_three_
     assert done.stdout.strip() == names
 
 
-def test_every_public_name_can_be_imported() -> None:
-    # Forms of values, which are annotations and have no names of their own.
+def test_every_public_name_can_be_imported_and_is_documented() -> None:
+    # Forms of values, which are annotations and have no names of their own; docs/time.md describes them.
     forms = {"AgentPattern", "ComponentPattern", "Latency"}
     assert {name for name in sa.__all__ if getattr(getattr(sa, name), "__name__", "") != name} == forms
+    for name in set(sa.__all__) - forms:
+        assert inspect.getdoc(getattr(sa, name)), name
+    assert set(sa.__all__) <= set(dir(sa))
+    with pytest.raises(AttributeError, match="no attribute 'nonsense'"):
+        _ = sa.nonsense
 
 
 def test_every_public_name_can_be_imported_without_the_extras() -> None:
