@@ -159,7 +159,9 @@ def _require_same_distribution(one: SweepFolder, other: SweepFolder) -> None:
 
 
 def _differences(one: SweepFolder, other: SweepFolder) -> Iterator[str]:
-    yield from differences(one.identity, other.identity)
+    yield from differences(
+        one.identity, other.identity, (f"in {one.path}", f"in {other.path}"), "their scenarios differ:"
+    )
     drawn, others = one.plan.document.drawn, other.plan.document.drawn
     for path in sorted({*drawn, *others}):
         if drawn.get(path) != others.get(path):

@@ -81,17 +81,30 @@ def counting(versions: Mapping[str, str]) -> dict[str, str]:
     return {name: each for name, each in versions.items() if name not in harmless}
 
 
-def differences(then: SweepIdentity, now: SweepIdentity) -> list[str]:
-    """Return one line for each difference between two identities; empty if their rows are comparable."""
+def differences(
+    then: SweepIdentity,
+    now: SweepIdentity,
+    names: tuple[str, str] = ("then", "now"),
+    changed: str = "the scenario was changed in the folder of the sweep",
+) -> list[str]:
+    """Return one line for each difference between two identities; empty if their rows are comparable.
+
+    Args:
+        then: One identity.
+        now: The other one.
+        names: What the lines call the two.
+        changed: The line before the differences of the scenarios.
+    """
     before, after = counting(then.versions), counting(now.versions)
+    one, other = names
     lines = [
-        f"{name}: {before.get(name, 'not installed')} then, {after.get(name, 'not installed')} now"
+        f"{name}: {before.get(name, 'not installed')} {one}, {after.get(name, 'not installed')} {other}"
         for name in sorted(before.keys() | after.keys())
         if before.get(name) != after.get(name)
     ]
-    changed = [number for number, pair in enumerate(zip(then.cells, now.cells, strict=False)) if pair[0] != pair[1]]
-    if changed or len(then.cells) != len(now.cells):
-        lines.append("the scenario was changed in the folder of the sweep")
+    differing = [number for number, pair in enumerate(zip(then.cells, now.cells, strict=False)) if pair[0] != pair[1]]
+    if differing or len(then.cells) != len(now.cells):
+        lines.append(changed)
         old, new = (dumped(each.resolved).decode().splitlines() for each in (then, now))
         lines += [line for line in difflib.unified_diff(old, new, lineterm="", n=0) if line[:3] not in ("---", "+++")]
     return lines

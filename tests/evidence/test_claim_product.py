@@ -82,8 +82,8 @@ def test_claims_without_a_product_are_refused(
 @pytest.mark.parametrize(
     ("options", "problem"),
     [
-        (("--set", "run.duration=0.9"), "the scenario was changed"),
-        (("--set", "agents.robot.model.with.max_speed=0.9"), "the scenario was changed"),
+        (("--set", "run.duration=0.9"), "their scenarios differ"),
+        (("--set", "agents.robot.model.with.max_speed=0.9"), "their scenarios differ"),
         (("--over", "agents.robot.model.with.max_speed={uniform: [0.9, 1.0]}"), "drawn in one of them"),
     ],
 )

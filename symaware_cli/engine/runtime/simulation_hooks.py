@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Collection
-from functools import cached_property
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
@@ -27,7 +26,6 @@ from symaware_cli.engine.runtime.specifications import Specifications
 if TYPE_CHECKING:
     from symaware_cli.engine.runtime.asyncio_bridge import AsyncioBridge
     from symaware_cli.engine.runtime.recording import RunRecording
-    from symaware_cli.engine.runtime.scope import WorldScope
     from symaware_cli.specification.expression import Expression
 
 #: Wall time between two calls of the progress callback [s].
@@ -90,6 +88,10 @@ class SimulationHooks:
         self._interruption = interruption
         self._is_asynchronous = is_asynchronous
         self._until = until
+        if until is not None:
+            from symaware_cli.engine.runtime.scope import WorldScope
+
+            self._world = WorldScope(simulation, observer)
         self._recorder = recorder
         self._pacer = pacer
         self._bridge = bridge
@@ -200,12 +202,6 @@ class SimulationHooks:
                     group.control_input = values  # which the column copies
             elif not np.array_equal(requested[rows], values[rows]):
                 group.control_input = np.where(rows[:, None], values, requested)
-
-    @cached_property
-    def _world(self) -> WorldScope:
-        from symaware_cli.engine.runtime.scope import WorldScope
-
-        return WorldScope(self._simulation, self._observer)
 
     def _is_over(self, until: Expression) -> bool:
         from symaware_cli.specification.expression import EvaluationError
