@@ -3,8 +3,10 @@
 What an earlier test left may vanish between two counts, so a test asserts that there is no more than before.
 """
 
+import gc
 import os
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 
@@ -26,3 +28,25 @@ def threads() -> list[str]:
 def resident() -> int:
     """How much memory this process has [bytes]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def grows_forever(action: Callable[[], object], repeats: int, each: int) -> bool:
+    """Whether the memory of this process never stops growing while an action is repeated.
+
+    What leaks grows in every round. An allocator takes a few large pieces more, early on some machines and late on
+    others, and then none, so there is no leak as soon as three rounds in a row need next to nothing.
+
+    Args:
+        action: What may leak.
+        repeats: How often it is done in a round.
+        each: What a repeat must leave behind to be called a leak [bytes].
+    """
+    held = [resident()]
+    for _ in range(15):
+        for _ in range(repeats):
+            action()
+        gc.collect()
+        held.append(resident())
+        if len(held) > 4 and held[-1] - held[-4] < 3 * repeats * each:
+            return False
+    return True

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from checkout import CHECKOUT
 from engine_clients import pybullet_clients
-from leftovers import resident
+from leftovers import grows_forever
 from numpy.typing import ArrayLike, NDArray
 from simulating import Team, made, moved, simulate
 
@@ -515,21 +515,14 @@ def test_worlds_live_side_by_side(kind: type[PhysicsEnvironment]) -> None:
         environment.close()
 
 
-def test_two_hundred_worlds_leave_nothing_behind(kind: type[PhysicsEnvironment]) -> None:
+def test_worlds_leave_neither_memory_nor_clients_behind(kind: type[PhysicsEnvironment]) -> None:
     def one() -> None:
         with world(kind, [group(SingleIntegrator(), np.zeros((5, 2)))], {"ball": ball(3.0)}) as environment:
             moved(environment, 0.04)
 
     before = pybullet_clients()
-    for _ in range(40):
-        one()
-    gc.collect()
-    held = resident()
-    for _ in range(160):
-        one()
-    gc.collect()
+    assert not grows_forever(one, repeats=40, each=10_000)
     assert pybullet_clients() <= before
-    assert resident() - held < 6_000_000
 
 
 def test_a_world_that_nobody_closed_closes_when_it_is_forgotten() -> None:

@@ -1,6 +1,5 @@
 """The racecar: on its wheels in the world `pybullet`, and as the bicycle that it is elsewhere."""
 
-import gc
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
@@ -8,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from leftovers import resident
+from leftovers import grows_forever, resident
 from numpy.typing import NDArray
 from simulating import made, present, untyped
 
@@ -181,14 +180,7 @@ def test_worlds_of_cars_that_were_seen_leave_nothing_behind() -> None:
             driven(environment, group, [1.0, 0.1], 0.04)
             environment.camera_image([1, 1, 1], [0, 0, 0], (32, 24), 1.0)
 
-    for _ in range(5):
-        one()
-    gc.collect()
-    before = resident()
-    for _ in range(10):
-        one()
-    gc.collect()
-    assert resident() - before < 5e6
+    assert not grows_forever(one, repeats=5, each=200_000)
 
 
 def test_process_noise_moves_the_car_after_each_step() -> None:
