@@ -32,6 +32,11 @@ def main() -> None:
     # A plugin of pydantic might change the meaning of a scenario; and the search for one reads all installed packages.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     try:
+        if sys.argv[1:] in (["--help"], ["-h"]):
+            from symaware_cli.cli.help import help_text
+
+            print(help_text(), end="")
+            return
         from symaware_cli.cli.application import application
 
         application()

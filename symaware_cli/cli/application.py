@@ -9,20 +9,17 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
-from symaware_cli.cli.terminal import is_plain
+from symaware_cli.cli.help import DESCRIPTION
+from symaware_cli.cli.streams import is_plain
+from symaware_cli.cli.verb_command import UnusableVerb
 from symaware_cli.cli.verb_group import VerbGroup
-from symaware_cli.cli.verbs import UnusableVerb
 
 application = typer.Typer(
     name="symaware",
     cls=VerbGroup,
-    help="Run multi-agent scenarios with situational awareness: deterministic, recorded, checkable.",
-    epilog="Exit status: 0 success; 1 the run failed, or `verify` or `diff` found a difference; 2 the input is "
-    "invalid; 3 success, but data was lost, a specification is violated, an agent reported an error, or a claim is not "
-    "established; 130 interrupted.",
-    no_args_is_help=True,
+    help=DESCRIPTION,
     pretty_exceptions_enable=False,
-    # Help and usage errors, too: Rich would leave out the colours and keep the rest.
+    # Usage errors, too: Rich would leave out the colours and keep the rest.
     rich_markup_mode=None if is_plain() else "rich",
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -42,7 +39,7 @@ def _symaware(
         bool, typer.Option("--version", callback=_version, is_eager=True, help="Show the version.")
     ] = False,
 ) -> None:
-    """Run multi-agent scenarios with situational awareness: deterministic, recorded, checkable."""
+    """Take the options of the command without a verb."""
 
 
 def all_commands() -> Mapping[str, TyperCommand]:

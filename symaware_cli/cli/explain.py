@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from symaware_cli.cli import terminal
-from symaware_cli.cli.folding import folded, width_of
+from symaware_cli.cli.folding import folded
+from symaware_cli.cli.streams import width_of
 from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 from symaware_cli.world import counted

@@ -12,6 +12,7 @@ import typer
 from symaware_cli.api import size_in_words
 from symaware_cli.api.progress import progress
 from symaware_cli.cli import terminal
+from symaware_cli.cli.streams import is_lively
 from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 from symaware_cli.world import counted
@@ -75,7 +76,7 @@ def export(
         first, last = terminal.span(start, end, as_json)
         log = open_log(path)
         place = output or Path(f"{path.stem}-{form}{chosen.suffix}")
-        shown = terminal.is_lively(sys.stderr) and not as_json
+        shown = is_lively(sys.stderr) and not as_json
         selection = Selection()
         if given:
             # Times are whole nanoseconds: the interval after the last one begins with the next.

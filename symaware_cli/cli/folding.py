@@ -7,14 +7,8 @@ Reasons: docs/decisions/0113-fitting-the-terminal-and-the-view.md
 
 from __future__ import annotations
 
-import os
 import re
-import sys
 from itertools import pairwise
-from typing import TextIO
-
-#: The least width that is respected [columns]; in a narrower terminal the lines are as long.
-_NARROWEST = 40
 
 _COLOUR = re.compile(r"\x1b\[[0-9;]*m")
 
@@ -26,27 +20,6 @@ _INDENT = re.compile(r"^ *")
 _EXCERPT = re.compile(r"^ *\d* \| ?")
 
 _NUMBER = re.compile(r"^[\[({<>=~-]*[\d.,:/e+-]*\d[\d.,:/e+-]*$")
-
-
-def width_of(stream: TextIO | None = None) -> int | None:
-    """The columns of a terminal: those of `COLUMNS`, or its own; None if the lines of a stream are not to be folded.
-
-    Many programs export `COLUMNS` to others whose output they read, so it says nothing about a pipe. As for Rich,
-    `TTY_COMPATIBLE=1` says that a pipe leads to a terminal.
-
-    Args:
-        stream: By default, the standard output.
-    """
-    stream = stream or sys.stdout
-    if os.environ.get("TTY_COMPATIBLE") != "1" and not stream.isatty():
-        return None
-    stated = os.environ.get("COLUMNS", "")
-    if stated.isdecimal() and int(stated):
-        return max(int(stated), _NARROWEST)
-    try:
-        return max(os.get_terminal_size(stream.fileno()).columns, _NARROWEST)
-    except (OSError, ValueError, AttributeError):
-        return None
 
 
 def folded(text: str, width: int | None) -> str:

@@ -12,7 +12,8 @@ import typer
 
 from symaware_cli.api import size_in_words
 from symaware_cli.api.progress import progress
-from symaware_cli.cli.terminal import DATA_LOST, Json, is_lively, print_json, say, trouble_shown
+from symaware_cli.cli.streams import is_lively
+from symaware_cli.cli.terminal import DATA_LOST, Json, print_json, say, trouble_shown
 from symaware_cli.cli.text_table import aligned
 from symaware_cli.help_place import in_help
 

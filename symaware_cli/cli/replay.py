@@ -15,6 +15,7 @@ import typer
 from symaware_cli.api import size_in_words
 from symaware_cli.api.progress import progress
 from symaware_cli.cli import terminal
+from symaware_cli.cli.streams import is_lively
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
@@ -166,7 +167,7 @@ def replay(
     moment = terminal.instant("--at", at, as_json)
     size, bind, port = size or (_VIDEO_SIZE if video else _SIZE), bind or "127.0.0.1", port or 9090
     _require_sound(size, bind, as_json=as_json)
-    bar = terminal.is_lively(sys.stderr) and not as_json
+    bar = is_lively(sys.stderr) and not as_json
     facts: dict[str, object] = {"log": str(path)}
     with terminal.trouble_shown(as_json):
         from symaware_cli.views.viewer import ViewerError, require

@@ -16,6 +16,7 @@ from symaware_cli import processor
 from symaware_cli.api import RunFailedError, RunInterrupted
 from symaware_cli.cli import terminal
 from symaware_cli.cli.result_files import note, note_problems, results_option
+from symaware_cli.cli.streams import is_lively
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
@@ -138,7 +139,7 @@ def run(
         if shows:
             from symaware_cli.language import render
 
-            terminal.say(render(found, colour=terminal.is_lively(sys.stderr), noun="warning"), err=True)
+            terminal.say(render(found, colour=is_lively(sys.stderr), noun="warning"), err=True)
 
     with terminal.trouble_shown(as_json), terminal.output_kept(as_json):
         from symaware_cli.api import Scenario
@@ -156,7 +157,7 @@ def run(
                 output=output,
                 record=not no_record,
                 timeout=timeout,
-                progress=shows and terminal.is_lively(sys.stderr),
+                progress=shows and is_lively(sys.stderr),
                 on_event=dict.fromkeys(_TOLD, _tell) if place and shows else None,
                 live=connect or live,
                 place=place,

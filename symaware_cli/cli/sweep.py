@@ -15,6 +15,7 @@ import typer
 
 from symaware_cli.cli import terminal
 from symaware_cli.cli.result_files import Results, note
+from symaware_cli.cli.streams import is_lively
 from symaware_cli.help_place import in_help
 
 if TYPE_CHECKING:
@@ -287,7 +288,7 @@ def _text(outcome: SweepOutcome) -> str:
 @contextmanager
 def _shown(folder: SweepFolder, shown: bool) -> Iterator[Callable[[SweepProgress], None] | None]:
     """Show the progress of a sweep on a terminal."""
-    if not shown or not terminal.is_lively(sys.stderr):
+    if not shown or not is_lively(sys.stderr):
         yield None
         return
     from rich.console import Console

@@ -10,12 +10,13 @@ import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TextIO
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 import typer
 
 from symaware_cli.cli import result_files
-from symaware_cli.cli.folding import folded, width_of
+from symaware_cli.cli.folding import folded
+from symaware_cli.cli.streams import is_lively, width_of
 
 if TYPE_CHECKING:
     from symaware_cli.plugin_files import FileSet
@@ -119,16 +120,6 @@ def output_kept(for_scripts: bool) -> Iterator[None]:
             ctypes.CDLL(None).fflush(None)
             os.dup2(kept, 1)
             os.close(kept)
-
-
-def is_plain() -> bool:
-    """Whether plain text is requested by `NO_COLOR` (https://no-color.org) or `TERM=dumb`."""
-    return bool(os.environ.get("NO_COLOR")) or os.environ.get("TERM") == "dumb"
-
-
-def is_lively(stream: TextIO) -> bool:
-    """Whether a stream is a terminal that supports colours and progress bars."""
-    return stream.isatty() and not is_plain()
 
 
 @contextmanager

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from itertools import zip_longest
 
-from symaware_cli.cli.folding import parts_of, width_of, wrapped
+from symaware_cli.cli.folding import parts_of, wrapped
+from symaware_cli.cli.streams import width_of
 
 #: What is between two columns.
 _BETWEEN = "  "

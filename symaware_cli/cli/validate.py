@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from symaware_cli.cli.result_files import Results, note_passed, note_problems
+from symaware_cli.cli.streams import is_lively
 from symaware_cli.cli.terminal import (
     Json,
     Overrides,
     OwnPlugins,
     Seed,
     Trust,
-    is_lively,
     output_kept,
     print_json,
     say,

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import difflib
 import sys
-from itertools import groupby
 from typing import Any
 
 import typer
-from typer.core import TyperCommand, TyperGroup
+from typer.core import TyperGroup
 
+from symaware_cli.cli.help import help_text
 from symaware_cli.cli.terminal import INTERRUPTED, WRONG_INPUT, fail, fail_for, interruption, trouble_shown
 from symaware_cli.cli.verbs import Verbs
 
@@ -50,22 +50,13 @@ class VerbGroup(TyperGroup):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help, with the verbs in their groups."""
-        if self.rich_markup_mode is None:
-            super().format_help(ctx, formatter)
-        else:
-            self._listing().format_help(ctx, formatter)
-
-    def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """Write the verbs in their groups."""
-        summaries = self._verbs.summaries()
-        width = max(len(each.name) for each in summaries)
-        for title, group in groupby(summaries, lambda each: each.title):
-            lines = [(f"{each.name:<{width}}", each.text.partition("\n\n")[0]) for each in group]
-            with formatter.section(title):
-                formatter.write_dl(lines)
+        formatter.write(help_text(self._verbs))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Refuse text that is not UTF-8: logs, tables and figures could not contain it."""
+        """Show the help if there are no arguments; refuse text that logs, tables and figures could not contain."""
+        if not args and not ctx.resilient_parsing:
+            typer.echo(help_text(self._verbs), nl=False)
+            ctx.exit(WRONG_INPUT)
         for text in args:
             if not _is_utf_8(text):
                 shown = text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
@@ -91,21 +82,6 @@ class VerbGroup(TyperGroup):
                 raise
             with trouble_shown(as_json):
                 raise
-
-    def _listing(self) -> TyperGroup:
-        """A group of commands without options for the help, which is cheaper than building all options."""
-        commands: dict[str, Any] = {}
-        for each in self._verbs.summaries():
-            key = each.name if each.name not in commands else f"{each.name} {len(commands)}"
-            commands[key] = TyperCommand(each.name, help=each.text, rich_help_panel=each.title)
-        return TyperGroup(
-            name=self.name,
-            commands=commands,
-            params=self.params,
-            help=self.help,
-            epilog=self.epilog,
-            rich_markup_mode=self.rich_markup_mode,
-        )
 
 
 def _is_utf_8(text: str) -> bool:

@@ -1,4 +1,4 @@
-"""The verbs of the command: those of this package and those of plugins.
+"""The verbs of the command: those of this package and those of plugins. Only a plugin makes it import Typer.
 
 Reasons: docs/decisions/0055-doors-for-verbs.md
 """
@@ -10,12 +10,7 @@ from collections.abc import Iterator
 from functools import cached_property
 from typing import Any, NamedTuple
 
-import typer
-from typer.core import TyperCommand
-from typer.main import get_command
-
 from symaware_cli import entry_points
-from symaware_cli.cli.terminal import WRONG_INPUT, fail, is_plain
 from symaware_cli.cli.verb_summaries import SUMMARIES
 from symaware_cli.entry_points import Listing, Listings, PluginError
 from symaware_cli.help_place import HelpPlace, place_of
@@ -69,9 +64,11 @@ class Verbs:
 
     def command(self, name: str) -> Any:
         """The command of a verb; None if there is no such verb, an `UnusableVerb` if it cannot be used."""
+        from symaware_cli.cli.verb_command import UnusableVerb, command_of
+
         try:
             listing = self._find(name)
-            return None if listing is None else _command(name, listing)
+            return None if listing is None else command_of(name, listing)
         except PluginError as error:
             return UnusableVerb(name, error)
 
@@ -101,11 +98,13 @@ class Verbs:
                     yield Summary(name, text, HelpPlace(group, order))
                     continue
                 if not listing.built_in:
+                    from symaware_cli.cli.verb_command import command_of
+
                     # To find faults of its signature, too.
-                    _command(name, listing)
+                    command_of(name, listing)
                 loaded = listing.load()
             except PluginError as error:
-                yield Summary(name, _message(error), None)
+                yield Summary(name, message_of(error), None)
                 continue
             yield Summary(name, _help_of(loaded), place_of(loaded))
         for name, same in self._installed.items():
@@ -125,48 +124,11 @@ class Verbs:
 
 
 def _help_of(verb: Any) -> str:
+    import typer
+
     return str((verb.info.help if isinstance(verb, typer.Typer) else inspect.getdoc(verb)) or "")
 
 
-class UnusableVerb(TyperCommand):
-    """A verb that cannot be used: it accepts any arguments and exits with the reason."""
-
-    def __init__(self, name: str, error: PluginError) -> None:
-        super().__init__(name, help=_message(error), add_help_option=False, hidden=True)
-        self._error = error
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Exit with the reason."""
-        if not ctx.resilient_parsing:
-            fail(_message(self._error), WRONG_INPUT, "--json" in args)
-        return []
-
-
-def _message(error: PluginError) -> str:
+def message_of(error: PluginError) -> str:
+    """Return why a verb cannot be used."""
     return f"{error}; expected {error.expected}" if error.expected else str(error)
-
-
-def _command(name: str, listing: Listing) -> Any:
-    """Import a verb, and convert its function or its Typer application to a command.
-
-    Raises:
-        PluginError: It cannot be imported, or is not a function whose annotations Typer knows.
-    """
-    loaded = listing.load()
-    group = typer.Typer(add_completion=False, rich_markup_mode=None if is_plain() else "rich")
-    # With a callback, it is a group of one command, even if that is a group, too.
-    group.callback()(lambda: None)
-    if isinstance(loaded, typer.Typer):
-        group.add_typer(loaded, name=name)
-    elif inspect.isroutine(loaded):
-        package = None if listing.built_in else f"Of {listing.package} {listing.version}."
-        group.command(name, epilog=package)(loaded)
-    else:
-        raise PluginError("broken-plugin", f"{listing.origin} is not a function or a Typer application")
-    try:
-        commands: Any = get_command(group)
-        return commands.commands[name]
-    except Exception as error:
-        from symaware_cli.engine import describe
-
-        raise PluginError("broken-plugin", f"{listing.origin} has a faulty signature: {describe(error)}") from error

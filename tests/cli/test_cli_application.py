@@ -55,7 +55,7 @@ HEAVY = ["scipy", "asyncio", "rerun", "matplotlib", "casadi", "pymunk", "pybulle
     ("line", "unneeded"),
     [
         (["--version"], [*LIGHT, "typer", "typing", "re"]),
-        (["--help"], LIGHT),
+        (["--help"], [*LIGHT, "typer", "click", "rich"]),
         (["validate", "hello.yaml"], [*HEAVY, *LOG, *RUNNING, "symaware_cli.engine.faults"]),
         (
             ["run", "hello.yaml", "--output", "hello.mcap"],

@@ -180,13 +180,6 @@ def test_the_help_lists_the_verbs_of_plugins_in_their_groups(process: Command, s
     assert listed["Other commands"] == ["plain Be in no group."]
 
 
-def test_the_help_is_grouped_on_terminals_too(process: Command, sound: None, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("NO_COLOR")
-    text = process("--help").stdout
-    titles = [line.split("─ ")[1].split(" ─")[0] for line in text.splitlines() if line.startswith("╭")]
-    assert titles == ["Options", *GROUPS.values(), "weather", "Other commands"]
-
-
 def test_the_verb_of_a_plugin_is_like_any_other(process: Command, sound: None, log: Path) -> None:
     done = process("speed", log, "--most", "2")
     assert (done.returncode, done.stdout) == (0, f"{log} 2.0 {log}\n")

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 from test_cli_paths import CALLS, called, line, sound  # type: ignore[import-not-found] # a folder with a conftest of its own
 
-from symaware_cli.cli.folding import folded, parts_of, width_of
+from symaware_cli.cli.folding import folded, parts_of
+from symaware_cli.cli.streams import width_of
 from symaware_cli.cli.text_table import aligned
 
 __all__ = ["sound"]
