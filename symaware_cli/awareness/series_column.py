@@ -152,11 +152,22 @@ class SeriesColumn:
         if self._since is not None:
             self._since.add(index)
 
+    def passes(self) -> bool:
+        """Whether `take_beyond` returns no rows, as all were written together; then they count as looked at."""
+        if self._since is not None or self._rows:
+            return False
+        if self._deferred is None and not self.bounds.includes(self._values):
+            return False
+        self._since, self.fresh = set(), False
+        return True
+
     def take_beyond(self) -> list[int]:
         """Return the rows out of bounds that were written since the last call, ascending.
 
         A deferred series is not computed: `settle` looks at it.
         """
+        if self.passes():
+            return []
         since, self._since, self.fresh = self._since, set(), False
         beyond, rows = [], self._rows
         if since is None and self._deferred is None and not self.bounds.includes(self._values):

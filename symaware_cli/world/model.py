@@ -161,8 +161,10 @@ class Model(Plugin, ABC):
         if chosen is None:
             first, last = self.position[0], self.position[-1] + 1
             chosen = slice(first, last) if self.position == tuple(range(first, last)) else list(self.position)
+            if chosen == slice(0, len(self.state)):
+                chosen = ...
             self.__dict__["_position_columns"] = chosen
-        return state if chosen == slice(0, state.shape[1]) else state[:, chosen]
+        return state if chosen is ... else state[:, chosen]
 
     def velocity(self, state: Array, control_input: Array) -> Array:
         """Return the velocity of the position [m/s], shape (n, d), for states (n, nx) and control inputs (n, nu)."""

@@ -109,7 +109,7 @@ class KinematicEnvironment(ColumnEnvironment):
                 state = state + noise.draw(self._time)
             if present is not None:
                 state = np.where(present[:, None], state, self._states[number])
-            state.flags.writeable = False
+            state.setflags(write=False)
             self._states[number] = state
         self._time += self.time_step
         self._snapshot = self._contacts = None
