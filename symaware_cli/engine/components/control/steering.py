@@ -81,11 +81,13 @@ def differing(before: Array, now: Array) -> Mask:
 
 def along(position: Array, direction: Array, travelled: Array) -> Array:
     """Return positions at distances from a position in a direction; (n, d), (n, d) and (n, h) to (n, h, d)."""
-    places = np.empty((*travelled.shape, position.shape[1]))
-    # Axis by axis: broadcasting along an axis of two elements is many times as slow.
-    for axis in range(position.shape[1]):
-        np.add(position[:, axis, None], direction[:, axis, None] * travelled, out=places[:, :, axis])
-    places.flags.writeable = False
+    if travelled.size <= _FEW:
+        places = position[:, None] + direction[:, None] * travelled[:, :, None]
+    else:
+        places = np.empty((*travelled.shape, position.shape[1]))
+        for axis in range(position.shape[1]):
+            np.add(position[:, axis, None], direction[:, axis, None] * travelled, out=places[:, :, axis])
+    places.setflags(write=False)
     return places
 
 
