@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 
 from symaware_cli.geometry.vectors import Array
 
-
 #: Without axes, as an operation on few elements takes half as long again if it has to convert a `float`.
 _HALF_TURN, _TURN = np.array(np.pi), np.array(2 * np.pi)
 

@@ -80,7 +80,7 @@ def is_within(array: Array, most: float) -> bool:
     """Return whether all elements are finite and within the bound; as cheap as `is_finite`."""
     squared = float(np.vdot(array, array)) if array.size <= _PART else _squared(array)
     # The square of the bound may be infinite, and that of an array then tells nothing.
-    return squared <= most * most and squared <= MOST or bool((np.abs(array) <= most).all())
+    return (squared <= most * most and squared <= MOST) or bool((np.abs(array) <= most).all())
 
 
 def _squared(array: Array) -> float:

@@ -13,7 +13,6 @@ from symaware_cli.engine.models.noise import NoisyModel
 from symaware_cli.geometry import Array, wrapped
 from symaware_cli.world import columns
 
-
 #: Without axes, as an operation on few elements takes half as long again if it has to convert a `float`.
 _SLOWEST, _ZERO = np.array(1e-9), np.array(0.0)
 
