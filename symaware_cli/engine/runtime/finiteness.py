@@ -39,9 +39,10 @@ class FinitenessCheck:
                 for name, column in awareness.columns.items()
             ),
         ]
-        #: The columns with their positions, and their names with the author of what is deferred.
-        self._columns: tuple[tuple[int, SignalColumn, tuple[str, str, str]], ...] = tuple(
-            (number, column, (what, path, use)) for number, (column, what) in enumerate(written)
+        #: The columns with their positions and names; series, which may be deferred, also as such, with their author.
+        self._columns: tuple[tuple[int, SignalColumn, str, SeriesColumn | None, tuple[str, str, str]], ...] = tuple(
+            (number, column, what, column if isinstance(column, SeriesColumn) else None, (what, path, use))
+            for number, (column, what) in enumerate(written)
         )
 
         #: The positions of the columns that the components wrote.
@@ -60,9 +61,11 @@ class FinitenessCheck:
 
         If not, `violations` finds what is, and looks at beliefs about others as well.
         """
-        for number, column, author in self._columns:
+        for number, column, _, series, author in self._columns:
             if column.fresh:
-                self._note(number, column, author)
+                self._written.add(number)
+                if series is not None:
+                    series.author = author
                 if not column.passes():
                     return False
         awareness = self._awareness
@@ -72,16 +75,10 @@ class FinitenessCheck:
             awareness.sound = awareness.version
         return True
 
-    def _note(self, number: int, column: SignalColumn, author: tuple[str, str, str]) -> None:
-        """Note that the components wrote a column."""
-        self._written.add(number)
-        if isinstance(column, SeriesColumn):
-            column.author = author
-
     def snapshot(self) -> Sequence[Any]:
         """Return the present values; writing replaces arrays, so none are copied."""
         awareness = self._awareness
-        return [*(column.held() for _, column, _ in self._columns), awareness.seen, awareness.received]
+        return [*(column.held() for _, column, *_ in self._columns), awareness.seen, awareness.received]
 
     def violations(self, before: Sequence[Any] | None) -> Iterator[tuple[Sequence[int], str]]:
         """Find values written since the last check that are out of their bounds.
@@ -92,16 +89,18 @@ class FinitenessCheck:
         Yields:
             Rows, ascending, and the problem of the first of them.
         """
-        for number, column, author in self._columns:
+        for number, column, what, series, author in self._columns:
             if not column.fresh:
                 continue
-            self._note(number, column, author)
-            if before is not None and isinstance(column, SeriesColumn):
-                column.settle()  # later it could not be restored
+            self._written.add(number)
+            if series is not None:
+                series.author = author
+                if before is not None:
+                    series.settle()  # later it could not be restored
             rows = column.take_beyond()
             if not rows:
                 continue
-            problem = f"its {author[0]} {column.problem(rows[0])}"
+            problem = f"its {what} {column.problem(rows[0])}"
             if before is not None:
                 column.put_back(rows, before[number])
             yield rows, problem
