@@ -124,7 +124,7 @@ class Column:
             self._changed.update(rows)
 
     def passes(self) -> bool:
-        """Whether `take_beyond` returns no rows, as all are within bounds; then they count as looked at."""
+        """Whether all rows are within bounds, so that `take_beyond` returns none; then they count as looked at."""
         if not self.bounds.includes(self._array):
             return False
         self._since, self._restored, self.fresh = set(), None, False

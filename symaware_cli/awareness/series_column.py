@@ -154,10 +154,8 @@ class SeriesColumn:
             self._since.add(index)
 
     def passes(self) -> bool:
-        """Whether `take_beyond` returns no rows, as all were written together; then they count as looked at."""
-        if self._since is not None or self._rows:
-            return False
-        if self._deferred is None and not self.bounds.includes(self._values):
+        """Whether `take_beyond` returns no rows; then they count as looked at."""
+        if self._beyond():
             return False
         self._since, self.fresh = set(), False
         return True
@@ -167,10 +165,12 @@ class SeriesColumn:
 
         A deferred series is not computed: `settle` looks at it.
         """
-        if self.passes():
-            return []
-        since, self._since, self.fresh = self._since, set(), False
-        beyond, rows = [], self._rows
+        beyond = self._beyond()
+        self._since, self.fresh = set(), False
+        return beyond
+
+    def _beyond(self) -> list[int]:
+        since, beyond, rows = self._since, [], self._rows
         if since is None and self._deferred is None and not self.bounds.includes(self._values):
             beyond = [row for row in self.bounds.rows_beyond(self._values) if row not in rows]
         for row in sorted(rows if since is None else since):
