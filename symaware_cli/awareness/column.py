@@ -123,12 +123,19 @@ class Column:
         else:
             self._changed.update(rows)
 
+    def passes(self) -> bool:
+        """Whether all rows are within bounds, so that `take_beyond` returns none; then they count as looked at."""
+        if not self.bounds.includes(self._array):
+            return False
+        self._since, self._restored, self.fresh = set(), None, False
+        return True
+
     def take_beyond(self) -> list[int]:
         """Return the rows out of bounds that were written since the last call and not restored, ascending."""
         since, restored = self._since, self._restored
-        self._since, self._restored, self.fresh = set(), None, False
-        if self.bounds.includes(self._array):
+        if self.passes():
             return []
+        self._since, self._restored, self.fresh = set(), None, False
         beyond = self.bounds.rows_beyond(self._array)
         if restored is not None:
             kept = range(*restored.indices(len(self._array))) if isinstance(restored, slice) else {*restored}
@@ -213,6 +220,13 @@ class TableColumn:
         self._changed.add(index)
         self._since.add(index)
         self.fresh = True
+
+    def passes(self) -> bool:
+        """Whether `take_beyond` returns no rows; then they count as looked at."""
+        if not all(self.bounds.includes(self._tables[row]) for row in self._since):
+            return False
+        self._since, self.fresh = set(), False
+        return True
 
     def take_beyond(self) -> list[int]:
         """Return the rows out of bounds that were written since the last call, ascending."""

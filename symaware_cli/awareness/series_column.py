@@ -80,9 +80,10 @@ class SeriesColumn:
             array = array.reshape(len(array), -1, 1)
         if array.shape[:2] != (self.count, len(instants)):
             raise ValueError(f"expected values for {self.count} agents at {len(instants)} instants, not {array.shape}")
-        if len(instants) > 1 and not (instants[1:] > instants[:-1]).all():
+        # Several times as fast as `all` for few instants.
+        if np.count_nonzero(instants[1:] > instants[:-1]) < len(instants) - 1:
             raise ValueError("the times of a series must ascend")
-        instants.flags.writeable = False
+        instants.setflags(write=False)
         self._times, self._values, self._width, self._deferred = instants, array, array.shape[2], None
 
     def defer(self, compute: Callable[[], tuple[ArrayLike, ArrayLike]]) -> None:
@@ -152,13 +153,24 @@ class SeriesColumn:
         if self._since is not None:
             self._since.add(index)
 
+    def passes(self) -> bool:
+        """Whether `take_beyond` returns no rows; then they count as looked at."""
+        if self._beyond():
+            return False
+        self._since, self.fresh = set(), False
+        return True
+
     def take_beyond(self) -> list[int]:
         """Return the rows out of bounds that were written since the last call, ascending.
 
         A deferred series is not computed: `settle` looks at it.
         """
-        since, self._since, self.fresh = self._since, set(), False
-        beyond, rows = [], self._rows
+        beyond = self._beyond()
+        self._since, self.fresh = set(), False
+        return beyond
+
+    def _beyond(self) -> list[int]:
+        since, beyond, rows = self._since, [], self._rows
         if since is None and self._deferred is None and not self.bounds.includes(self._values):
             beyond = [row for row in self.bounds.rows_beyond(self._values) if row not in rows]
         for row in sorted(rows if since is None else since):
@@ -240,9 +252,9 @@ class SeriesColumn:
 
     def maximum(self) -> tuple[float, int] | None:
         """Return the largest value of any series and its row; None if all are empty."""
-        self.settle()
-        if self._times is None and not self._rows:
+        if self.is_unwritten:
             return None
+        self.settle()
         best: tuple[float, int] | None = None
         if self._times is not None and self._values.size:
             peaks = self._values.reshape(self.count, -1).max(axis=1)

@@ -127,7 +127,10 @@ class EventBus:
     ones receive none from that moment on.
     """
 
-    __slots__ = ("_by_owner", "_components", "_count", "_muted", "_subscriptions", "turns_wanted", "wanted")
+    __slots__ = (
+        *("_by_owner", "_components", "_count", "_listeners", "_muted", "_subscriptions"),
+        *("turns_wanted", "wanted"),
+    )
 
     #: Subscribers belong to the process; `captured` returns the subscriptions of components.
     uncaptured: ClassVar[Collection[str]] = "*"
@@ -139,6 +142,8 @@ class EventBus:
         #: The subscriptions of each component, by its identity.
         self._by_owner: dict[int, list[Subscription]] = {}
         self._subscriptions: dict[str, tuple[Subscription, ...]] = {}
+        #: Those that get an event of a name, for each name that was fired since the last one subscribed.
+        self._listeners: dict[str, tuple[Subscription, ...]] = {}
         #: The names with subscribers; hot paths check this before they create an event.
         self.wanted: frozenset[str] = frozenset()
         #: Whether any of `TURNS` is among them.
@@ -164,6 +169,7 @@ class EventBus:
         for name in names:
             present = tuple(each for each in self._subscriptions.get(name, ()) if each.active)
             self._subscriptions[name] = (*present, subscription)
+        self._listeners.clear()
         self.wanted = frozenset(self._subscriptions)
         self.turns_wanted = not TURNS.isdisjoint(self.wanted)
         return subscription
@@ -239,6 +245,12 @@ class EventBus:
         for each in self._by_owner.pop(id(component), ()):
             each.cancel()
 
+    def _listeners_to(self, name: str) -> tuple[Subscription, ...]:
+        """Return who gets the events of a name."""
+        others = () if name in RECURRING else self._subscriptions.get("*", ())
+        # In order of subscription, so that the recorder, which comes first, writes a cause before its consequences.
+        return tuple(sorted((*self._subscriptions.get(name, ()), *others), key=_number))
+
     def fire(self, event: Event) -> None:
         """Call all subscribers.
 
@@ -248,10 +260,9 @@ class EventBus:
         """
         if self._muted and event.source in self._muted:
             return
-        listeners = self._subscriptions.get(event.name, ())
-        if event.name not in RECURRING and (others := self._subscriptions.get("*")):
-            # In order of subscription, so that the recorder, which comes first, writes a cause before its consequences.
-            listeners = tuple(sorted((*listeners, *others), key=_number)) if listeners else others
+        listeners = self._listeners.get(event.name)
+        if listeners is None:
+            listeners = self._listeners[event.name] = self._listeners_to(event.name)
         failure: tuple[Subscriber, BaseException] | None = None
         for listener in listeners:
             if not listener.active:

@@ -92,6 +92,8 @@ class Proximity:
                 calls, so do not change one in place.
             reach: The distance [m].
         """
+        if positions is self._seen and self._cut == np.inf:
+            return self._pairs  # all pairs, of the bodies where they are
         if not self._valid(positions, reach):
             self._build(positions, reach)
         elif positions is self._seen:
@@ -101,11 +103,12 @@ class Proximity:
             self._pairs = Pairs(self._first, self._second, distance, self._blocks.shape[1])
         else:
             # `take` and plain products are five times as fast as fancy indexing and einsum for few bodies.
-            apart = positions.take(self._first, 0) - positions.take(self._second, 0)
+            columns = positions.T.copy()
+            apart = columns.take(self._first, 1) - columns.take(self._second, 1)
             apart *= apart
-            squared = apart[:, 0]
-            for axis in range(1, apart.shape[1]):
-                squared = squared + apart[:, axis]
+            squared = apart[0]
+            for axis in range(1, len(apart)):
+                squared = squared + apart[axis]
             self._pairs = Pairs(self._first, self._second, np.sqrt(squared))
         if positions is not self._seen:
             self._before, self._seen = self._seen, positions

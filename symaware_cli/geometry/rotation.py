@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike
 
 from symaware_cli.geometry.vectors import Array
 
+#: Without axes, as an operation on few elements takes half as long again if it has to convert a `float`.
+_HALF_TURN, _TURN = np.array(np.pi), np.array(2 * np.pi)
+
 
 def about(axis: ArrayLike, angles: ArrayLike) -> Array:
     """Return rotations (..., 4) about a unit vector (3,) by angles (...) [rad]."""
@@ -64,7 +67,7 @@ def yaws(orientations: Array) -> Array:
 
 def wrapped(angles: Array) -> Array:
     """Wrap angles to [-pi, pi) [rad]; any shape."""
-    between: Array = np.remainder(angles + np.pi, 2 * np.pi) - np.pi
+    between: Array = np.remainder(angles + _HALF_TURN, _TURN) - _HALF_TURN
     return between
 
 

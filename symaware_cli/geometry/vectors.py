@@ -19,7 +19,8 @@ def lengths(vectors: Array) -> Array:
     total = squares[:, 0]
     for axis in range(1, vectors.shape[1]):
         total = total + squares[:, axis]
-    return np.asarray(np.sqrt(total))
+    lengths: Array = np.sqrt(total)
+    return lengths
 
 
 def relative(points: Array, origin: Array, heading: float | Array | None) -> Array:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -25,6 +26,9 @@ TIME = np.dtype("<i8")
 VARINT = 0
 BYTES = 2
 
+#: How many tags with lengths are kept: the messages of a channel mostly have the same ones.
+_KEPT = 256
+
 
 def varint(number: int) -> bytes:
     """Encode an integer as a varint, seven bits per byte."""
@@ -38,6 +42,7 @@ def varint(number: int) -> bytes:
     return bytes(out)
 
 
+@lru_cache(_KEPT)
 def number_field(field: int, number: int) -> bytes:
     """Encode a varint field; empty if the number is 0, as in proto3."""
     return bytes((field << 3 | VARINT,)) + varint(number) if number else b""
@@ -49,10 +54,22 @@ def text_field(field: int, text: str) -> bytes:
     return bytes((field << 3 | BYTES,)) + varint(len(data)) + data
 
 
+@lru_cache(_KEPT)
+def _head(field: int, length: int) -> bytes:
+    """Encode what precedes the content of a field of some bytes; empty if there are none."""
+    return bytes((field << 3 | BYTES,)) + varint(length) if length else b""
+
+
 def packed(field: int, values: ArrayLike, dtype: np.dtype[Any]) -> bytes:
     """Encode a packed field of fixed width; empty if there are no values."""
     data = np.asarray(values, dtype).tobytes()
-    return bytes((field << 3 | BYTES,)) + varint(len(data)) + data if data else b""
+    return _head(field, len(data)) + data
+
+
+@lru_cache(_KEPT)
+def _length_field(field: int, length: int) -> bytes:
+    """Encode the length that all rows share."""
+    return packed(field, (length,), INDEX)
 
 
 def rows_field(field: int, rows: ArrayLike | None, count: int) -> bytes:
@@ -255,16 +272,17 @@ def encode_series(
         if table.ndim != 3 or points != (table.shape[1],):
             raise ValueError(f"values must be (rows, points, columns); got {table.shape} with times {points}")
         count = len(table)
-        lengths = points
+        length_field = _length_field(3, points[0])
     else:
         count = len(np.asarray(lengths))
         if table.ndim != 2 or points != (len(table),) or np.sum(lengths) != len(table):
             raise ValueError(f"values must be (points, columns); got {table.shape} with times {points}")
+        length_field = packed(3, lengths, INDEX)
     return b"".join(
         (
             number_field(1, table.shape[-1]),
             rows_field(2, rows, count),
-            packed(3, lengths, INDEX),
+            length_field,
             packed(4, times, TIME),
             packed(5, table, FLOAT),
         )

@@ -62,6 +62,8 @@ class BatchObserver(Observer):
         self.contacts_of += np.where(self.going, np.bincount(begun, minlength=len(self.contacts_of)), 0)
         if self._runs.shape[1] > 1:
             self._sample_distances(now)
+        if all(group.awareness.risk.is_unwritten for group in self._simulation.groups):
+            return
         peaks = np.full(self._runs.size, -np.inf)
         for group, start in zip(self._simulation.groups, self._environment.roster.starts, strict=True):
             peaks[start : start + len(group)] = group.awareness.risk.peaks()

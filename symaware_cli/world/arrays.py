@@ -56,12 +56,14 @@ def frozen(values: ArrayLike) -> Array:
     Raises:
         TypeError: They are not real numbers.
     """
-    if isinstance(values, np.ndarray) and values.base is None and values.dtype == float:
+    if type(values) is np.ndarray and values.dtype == float:
         flags = values.flags
-        if flags.c_contiguous and not flags.writeable:
+        if values.base is None and flags.c_contiguous and not flags.writeable:
             return values
-    array = np.array(real(values), order="C")
-    array.flags.writeable = False
+        array = values.copy()
+    else:
+        array = np.array(real(values), order="C")
+    array.setflags(write=False)  # takes half as long as to set it in `flags`
     return array
 
 
@@ -76,7 +78,9 @@ def is_finite(array: Array) -> bool:
 
 def is_within(array: Array, most: float) -> bool:
     """Return whether all elements are finite and within the bound; as cheap as `is_finite`."""
-    return _squared(array) <= min(most * most, MOST) or bool((np.abs(array) <= most).all())
+    squared = float(np.vdot(array, array)) if array.size <= _PART else _squared(array)
+    # The square of the bound may be infinite, and that of an array then tells nothing.
+    return (squared <= most * most and squared <= MOST) or bool((np.abs(array) <= most).all())
 
 
 def _squared(array: Array) -> float:

@@ -157,12 +157,13 @@ class Model(Plugin, ABC):
 
     def positions(self, state: Array) -> Array:
         """Return the positions [m] in states; (n, nx) to (n, d)."""
-        chosen = self.__dict__.get("_position_columns")
-        if chosen is None:
+        attributes = self.__dict__
+        if "_position_columns" not in attributes:
             first, last = self.position[0], self.position[-1] + 1
             chosen = slice(first, last) if self.position == tuple(range(first, last)) else list(self.position)
-            self.__dict__["_position_columns"] = chosen
-        return state if chosen == slice(0, state.shape[1]) else state[:, chosen]
+            attributes["_position_columns"] = None if chosen == slice(0, len(self.state)) else chosen
+        chosen = attributes["_position_columns"]
+        return state if chosen is None else state[:, chosen]
 
     def velocity(self, state: Array, control_input: Array) -> Array:
         """Return the velocity of the position [m/s], shape (n, d), for states (n, nx) and control inputs (n, nu)."""

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from simulating import untyped
 
@@ -99,6 +99,25 @@ def test_rows_with_nan_or_infinity_are_found_once() -> None:
     assert column.take_beyond() == []
     column.set_row(2, [np.inf, 0.0])
     assert column.take_beyond() == [2]
+
+
+@settings(max_examples=30)
+@given(st.lists(st.tuples(st.integers(0, 2), st.sampled_from([0.0, 1e200, np.nan, np.inf])), max_size=4))
+def test_a_column_passes_if_no_row_is_found_and_else_the_rows_are_still_found(writes: list[tuple[int, float]]) -> None:
+    columns: list[tuple[Any, Callable[[float], Any]]] = [
+        (Column(np.zeros((3, 1))), lambda number: [number]),
+        (SeriesColumn(3), lambda number: TimeSeries({0.0: [number]})),
+        (TableColumn(3, 1), lambda number: [[number]]),
+    ]
+    for column, value in columns:
+        column.take_beyond()
+        for row, number in writes:
+            column.set_row(row, value(number))
+        last = dict(writes)
+        beyond = sorted(row for row, number in last.items() if not np.isfinite(number))
+        assert column.passes() == (not beyond)
+        assert column.fresh == bool(beyond)
+        assert column.take_beyond() == beyond
 
 
 @pytest.mark.parametrize(

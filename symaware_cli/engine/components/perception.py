@@ -44,6 +44,7 @@ class OmniscientPerception(GroupComponent):
         return self.environment.snapshot()
 
     def _update(self, value: Snapshot) -> None:
-        self._group.awareness.state = value.states[value.roster.number(self._group.name)]
-        self._group.awareness.world = value
-        self._group.awareness.seen = None
+        awareness = self._group.awareness
+        awareness.state = value.states[value.roster.number(self._group.name)]
+        awareness.world = value
+        awareness.seen = None

@@ -54,7 +54,7 @@ class ColumnEnvironment(Environment):
         """Saturate the control inputs that the groups request, and store them for the step."""
         for number, group in enumerate(self.groups):
             applied = group.model.limit(group.control_input)
-            applied.flags.writeable = False
+            applied.setflags(write=False)
             self._applied[number] = applied
 
     def state(self, group: EntityGroup) -> Array:

@@ -16,6 +16,7 @@ from symaware_cli.core import (
     EntityGroup,
     EnvironmentParameters,
     ErrorCollector,
+    Model,
     Obstacle,
     Snapshot,
     WorldError,
@@ -27,6 +28,9 @@ from symaware_cli.engine.environments.contact_response import ContactResponse, O
 from symaware_cli.engine.environments.process_noise import process_noise
 from symaware_cli.geometry import Array, Indices
 from symaware_cli.world import Integrator, integrate
+
+#: The most agents of a group that is moved together with others: with more, joining the arrays saves little.
+_FEW = 64
 
 
 class KinematicEnvironment(ColumnEnvironment):
@@ -86,6 +90,8 @@ class KinematicEnvironment(ColumnEnvironment):
                 except ValueError as error:
                     raise WorldError(str(error), *("agents", group.name, "state")) from error
         errors.raise_first()
+        #: The groups by number, in sets of those that are moved together.
+        self._together = self._alike()
         self._noises = [process_noise(group, self.parameters.time_step, seed) for group in self.groups]
         self._detector = ContactDetector(self.groups, self.scenery, self.proximity, self.time_step, self.debounce)
         self.on_contact = kind = self.parameters.on_contact
@@ -96,25 +102,68 @@ class KinematicEnvironment(ColumnEnvironment):
     def step(self) -> None:
         """Advance every group by its model under its saturated control input."""
         self._apply_inputs()
-        step, integrator, parts = self.parameters.time_step, self.parameters.integrator, self.parameters.substeps
-        before = list(self._states)
-        for number, (model, noise) in enumerate(zip(self._models, self._noises, strict=True)):
-            simulator, present = self._simulators[number], self.groups[number].present
-            if simulator is not None:
-                rows = range(len(self._states[number])) if present is None else np.flatnonzero(present).tolist()
-                state = simulator.step(self._time, self._states[number], self._applied[number], rows)
+        before, states, inputs = list(self._states), self._states, self._applied
+        for numbers in self._together:
+            number = numbers[0]
+            if len(numbers) > 1:
+                self._move_together(numbers)
+            elif (simulator := self._simulators[number]) is not None:
+                present = self.groups[number].present
+                rows = range(len(states[number])) if present is None else np.flatnonzero(present).tolist()
+                self._place(number, simulator.step(self._time, states[number], inputs[number], rows))
             else:
-                state = integrate(model, self._states[number], self._applied[number], step, integrator, parts)
-            if noise:
-                state = state + noise.draw(self._time)
-            if present is not None:
-                state = np.where(present[:, None], state, self._states[number])
-            state.flags.writeable = False
-            self._states[number] = state
+                self._place(number, self._integrated(number, states[number], inputs[number]))
         self._time += self.time_step
         self._snapshot = self._contacts = None
         if self._response:
             self._respond(self._response, before)
+
+    def _alike(self) -> list[list[int]]:
+        """Return the groups by number, in sets of those that are moved together: small ones whose models are equal.
+
+        No row depends on other rows, so the states are the same as if each group were moved by itself.
+        """
+        sets: list[list[int]] = []
+        joinable: list[list[int]] = []
+        for number, (group, simulator) in enumerate(zip(self.groups, self._simulators, strict=True)):
+            model = group.model
+            # What a model learns of its body is not among its parameters.
+            by_itself = simulator is not None or not model.batchable or type(model).fit is not Model.fit
+            if by_itself or len(group) > _FEW:
+                sets.append([number])
+                continue
+            for others in joinable:
+                other = self._models[others[0]]
+                if type(other) is type(model) and other.parameters == model.parameters:
+                    others.append(number)
+                    break
+            else:
+                joinable.append([number])
+        return sorted(sets + joinable)
+
+    def _integrated(self, number: int, states: Array, inputs: Array) -> Array:
+        """Return states (n, nx) after a step under control inputs (n, nu), by the model of a group."""
+        given = self.parameters
+        return integrate(self._models[number], states, inputs, given.time_step, given.integrator, given.substeps)
+
+    def _move_together(self, numbers: Sequence[int]) -> None:
+        """Move groups whose models are equal."""
+        joined = (np.concatenate([each[number] for number in numbers]) for each in (self._states, self._applied))
+        moved, begin = self._integrated(numbers[0], *joined), 0
+        for number in numbers:
+            end = begin + len(self._states[number])
+            self._place(number, moved[begin:end].copy())
+            begin = end
+
+    def _place(self, number: int, state: Array) -> None:
+        """Set the states of a group after a step, with its noise; absent agents stay as they are."""
+        noise, present = self._noises[number], self.groups[number].present
+        if noise:
+            state = state + noise.draw(self._time)
+        if present is not None:
+            state = np.where(present[:, None], state, self._states[number])
+        state.setflags(write=False)
+        self._states[number] = state
 
     def _respond(self, response: ContactResponse, before: list[Array]) -> None:
         """Keep bodies from moving into each other; `before` has the states before the step."""

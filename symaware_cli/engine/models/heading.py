@@ -13,6 +13,9 @@ from symaware_cli.engine.models.noise import NoisyModel
 from symaware_cli.geometry import Array, wrapped
 from symaware_cli.world import columns
 
+#: Without axes, as an operation on few elements takes half as long again if it has to convert a `float`.
+_SLOWEST, _ZERO = np.array(1e-9), np.array(0.0)
+
 
 class SpeedLimits(Protocol):
     """Parameters with a least and a greatest speed [m/s]."""
@@ -32,9 +35,8 @@ def sinc(angle: Any, math: Any) -> Any:
     3e-18 there.
     """
     if math is np:
-        is_zero = angle == 0.0
-        if np.count_nonzero(is_zero):  # several times as fast as adding zeros
-            angle = angle + 1e-300 * is_zero
+        if np.count_nonzero(angle) < np.size(angle):  # several times as fast as adding zeros
+            angle = angle + 1e-300 * (angle == 0.0)
         return np.sin(angle) / angle
     square = angle * angle
     small = square < 0.01
@@ -114,10 +116,11 @@ class HeadingModel(NoisyModel):
             The desired speed in the plane [m/s], and the angle from the heading to the desired direction, in
             [-pi, pi) [rad] and 0 for speed 0; each of shape (n,).
         """
-        x, y = columns(velocity[:, :2])
+        axes = columns(velocity)
+        x, y = axes[0], axes[1]  # twice as fast as unpacking an array
         speed = np.sqrt(x * x + y * y)
         error = wrapped(np.arctan2(y, x) - state[:, self.heading])
-        moving = speed > 1e-9
+        moving = speed > _SLOWEST
         return speed, error if np.count_nonzero(moving) == len(moving) else np.where(moving, error, 0.0)
 
 
@@ -137,8 +140,8 @@ class TurningModel(HeadingModel):
         """Turn towards the desired direction, at the component of the speed along the heading."""
         speed, error = self.aim(state, velocity)
         followed = np.empty((len(state), 2))
-        np.multiply(speed, np.maximum(np.cos(error), 0.0), out=followed[:, 0])
-        np.multiply(self.parameters.steering_gain, error, out=followed[:, 1])
+        np.multiply(speed, np.maximum(np.cos(error), _ZERO), out=followed[:, 0])
+        np.multiply(error, self.parameters.steering_gain, out=followed[:, 1])
         return followed
 
 

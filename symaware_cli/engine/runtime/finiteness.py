@@ -32,13 +32,17 @@ class FinitenessCheck:
         """
         awareness = group.awareness
         self._awareness = awareness
-        self._author = path, use
-        self._columns: tuple[tuple[SignalColumn, str], ...] = (
+        written = [
             (group.control_column, "control input"),
             *(
                 (column, f"signal `{name}`" if name in awareness.signals else name)
                 for name, column in awareness.columns.items()
             ),
+        ]
+        #: The columns with their positions and names; series, which may be deferred, also as such, with their author.
+        self._columns: tuple[tuple[int, SignalColumn, str, SeriesColumn | None, tuple[str, str, str]], ...] = tuple(
+            (number, column, what, column if isinstance(column, SeriesColumn) else None, (what, path, use))
+            for number, (column, what) in enumerate(written)
         )
 
         #: The positions of the columns that the components wrote.
@@ -48,22 +52,33 @@ class FinitenessCheck:
         """Clear the values that the components wrote for some agents, except believed states and control inputs."""
         kept = self._awareness.state_column
         for number in sorted(self._written - {0}):
-            column, _ = self._columns[number]
+            column = self._columns[number][1]
             if column is not kept:
                 column.clear(rows)
 
-    @property
-    def is_due(self) -> bool:
-        """Whether something was written since the last check."""
-        for column, _ in self._columns:
+    def passes(self) -> bool:
+        """Whether nothing written since the last check is out of its bounds; then all of it counts as checked.
+
+        If not, `violations` finds what is, and looks at beliefs about others as well.
+        """
+        for number, column, _, series, author in self._columns:
             if column.fresh:
-                return True
-        return self._awareness.version is not self._awareness.sound
+                self._written.add(number)
+                if series is not None:
+                    series.author = author
+                if not column.passes():
+                    return False
+        awareness = self._awareness
+        if awareness.version is not awareness.sound:
+            if awareness.seen is not None or awareness.received is not None:
+                return False
+            awareness.sound = awareness.version
+        return True
 
     def snapshot(self) -> Sequence[Any]:
         """Return the present values; writing replaces arrays, so none are copied."""
         awareness = self._awareness
-        return [*(column.held() for column, _ in self._columns), awareness.seen, awareness.received]
+        return [*(column.held() for _, column, *_ in self._columns), awareness.seen, awareness.received]
 
     def violations(self, before: Sequence[Any] | None) -> Iterator[tuple[Sequence[int], str]]:
         """Find values written since the last check that are out of their bounds.
@@ -74,14 +89,14 @@ class FinitenessCheck:
         Yields:
             Rows, ascending, and the problem of the first of them.
         """
-        for number, (column, what) in enumerate(self._columns):
+        for number, column, what, series, author in self._columns:
             if not column.fresh:
                 continue
             self._written.add(number)
-            if isinstance(column, SeriesColumn):
-                column.author = (what, *self._author)
+            if series is not None:
+                series.author = author
                 if before is not None:
-                    column.settle()  # later it could not be restored
+                    series.settle()  # later it could not be restored
             rows = column.take_beyond()
             if not rows:
                 continue

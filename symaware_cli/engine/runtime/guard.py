@@ -123,7 +123,7 @@ class Guard:
         Raises:
             RunError: A value is not, and that ends the run.
         """
-        if not self._finiteness.is_due:
+        if before is None and self._finiteness.passes():
             return
         ids, name, now = self._group.ids, self._entry.name, self._simulation.clock.now
         for rows, problem in self._finiteness.violations(before):

@@ -206,7 +206,7 @@ class Observer:
             if (peak := group.awareness.risk.maximum()) is not None
         ]
         if not self.reported:
-            return max(peaks, key=lambda each: each[0], default=None)
+            return max(peaks, key=lambda each: each[0]) if peaks else None
         index = self._environment.roster.index
         return max((*peaks, *self.reported.values()), key=lambda each: (each[0], -index(each[1])), default=None)
 

@@ -250,3 +250,32 @@ def test_without_noise_a_state_stays_where_it_is_put() -> None:
     only_heading = shaken([group_of(made(Unicycle, process_noise=[0.0, 0.0, 0.2]), 3)], 10)["robot"]
     assert not only_heading[:, :2].any()
     assert only_heading[:, 2].all()
+
+
+class Alone(Unicycle):
+    """A unicycle of which rows might depend on each other, so that its groups are moved one by one."""
+
+    batchable = False
+
+
+@pytest.mark.parametrize("integrator", ["exact", "rk4"])
+def test_groups_with_equal_models_move_as_each_does_by_itself(integrator: str) -> None:
+    counts, noise = (1, 4, 2), {"process_noise": 0.1}
+
+    def moved(kind: type[Unicycle], limits: Sequence[float]) -> list[NDArray[np.float64]]:
+        groups = []
+        for number, (count, limit) in enumerate(zip(counts, limits, strict=True)):
+            places = np.arange(3.0 * count).reshape(count, 3) + 0.1 * number
+            group = group_of(made(kind, max_speed=limit, **noise), count, f"g{number}", state=places)
+            group.control_input = 0.3 * places[:, :2] - 1.0
+            groups.append(group)
+        groups[1].present = np.array([True, False, True, True])
+        environment = world(*groups, integrator=integrator)
+        for _ in range(5):
+            environment.step()
+        return [environment.state(group) for group in groups]
+
+    for limits in ((1.0, 1.0, 1.0), (1.0, 0.5, 1.0)):
+        together, apart = moved(Unicycle, limits), moved(Alone, limits)
+        assert all(np.array_equal(one, other) for one, other in zip(together, apart, strict=True))
+        assert not any(state.flags.writeable for state in together)

@@ -11,6 +11,8 @@ from symaware_cli.core import AgentGroup, GroupComponent, Model, Parameters, Qua
 from symaware_cli.geometry import Array, Mask
 from symaware_cli.world import SECOND
 
+#: Without axes, as an operation on few elements takes half as long again if it has to convert a `float`.
+_SHORTEST, _ONE = np.array(1e-12), np.array(1.0)
 #: Up to this number of vectors one operation on all elements is faster than one for each axis.
 _FEW = 200
 
@@ -79,11 +81,13 @@ def differing(before: Array, now: Array) -> Mask:
 
 def along(position: Array, direction: Array, travelled: Array) -> Array:
     """Return positions at distances from a position in a direction; (n, d), (n, d) and (n, h) to (n, h, d)."""
-    places = np.empty((*travelled.shape, position.shape[1]))
-    # Axis by axis: broadcasting along an axis of two elements is many times as slow.
-    for axis in range(position.shape[1]):
-        np.add(position[:, axis, None], direction[:, axis, None] * travelled, out=places[:, :, axis])
-    places.flags.writeable = False
+    if travelled.size <= _FEW:
+        places = position[:, None] + direction[:, None] * travelled[:, :, None]
+    else:
+        places = np.empty((*travelled.shape, position.shape[1]))
+        for axis in range(position.shape[1]):
+            np.add(position[:, axis, None], direction[:, axis, None] * travelled, out=places[:, :, axis])
+    places.setflags(write=False)
     return places
 
 
@@ -99,7 +103,7 @@ def differences(vectors: Array, others: Array) -> Array:
 
 def directions(vectors: Array, length: Array) -> Array:
     """Return unit vectors, from vectors (n, d) and their lengths (n,); zero for length zero."""
-    return scaled(vectors, 1.0 / np.maximum(length, 1e-12))
+    return scaled(vectors, _ONE / np.maximum(length, _SHORTEST))
 
 
 def scaled(vectors: Array, factor: Array) -> Array:
