@@ -65,7 +65,7 @@ def test_a_run_says_that_somebody_has_set_something_else_and_so_does_its_log(com
     short = ("--set", "run.duration=0.1")
     done = command("run", scenarios / "hello.yaml", *short, "-o", "a.mcap", env=clean(OPENBLAS_CORETYPE="Nehalem"))
     assert done.returncode == 0
-    assert "symaware: OpenBLAS uses its kernel Nehalem (the environment says so" in done.stderr
+    assert "symaware: OpenBLAS uses its kernel Nehalem (set by the environment" in done.stderr
     told = json.loads(open_log("a.mcap").attachments["versions.json"])
     assert "Nehalem" in told["BLAS"]
     assert told["Pinned"].startswith("no: OpenBLAS uses its kernel Nehalem")

@@ -80,7 +80,7 @@ class SpecificationUse(Section):
     )
     on_violation: Literal["continue", "end", "event"] = Field(
         "continue",
-        description="What a violation does: the run goes on; it ends; or it goes on, with a warning. In every "
+        description="The effect of a violation: the run continues; ends; or continues with a warning. In every "
         "case an event `violated` fires, on which components can take turns.",
     )
     interval: bool = Field(

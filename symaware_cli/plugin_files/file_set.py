@@ -1,4 +1,4 @@
-"""The files that a scenario names as plugins, with those that they import: read once, so that what is hashed is run."""
+"""The files that a scenario names as plugins, with those that they import: read once, and hashed and run as read."""
 
 from __future__ import annotations
 

@@ -132,7 +132,7 @@ def test_an_fmu_that_nobody_trusts_is_not_loaded(scenario: Write, monkeypatch: p
 
     monkeypatch.setattr("symaware_cli.fmi.fmu_model.FmuProcess", started)
     monkeypatch.delenv("SYMAWARE_PLUGIN_FILES", raising=False)
-    assert "nobody has said that it is trusted" in refusal(scenario())
+    assert "is code, and it is not trusted" in refusal(scenario())
 
 
 @pytest.mark.usefixtures("trusted")

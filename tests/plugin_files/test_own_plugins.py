@@ -36,7 +36,7 @@ def test_an_untrusted_file_is_refused_at_its_place_with_what_to_do(home: Path, v
     written(home)
     done = verb("run", "own.yaml")
     assert done.exit_code == 2
-    assert "own.yaml:3:11: `mine.py` is code, and nobody has said that it is trusted" in done.stderr
+    assert "own.yaml:3:11: `mine.py` is code, and it is not trusted" in done.stderr
     assert "symaware trust ." in done.stderr
     assert "--trust" in done.stderr
     assert "1 problem in" in done.stderr, "the names that it would define are no problem of their own"
@@ -328,7 +328,7 @@ def test_no_verb_executes_code_that_nobody_trusts(
     words = [str(tmp_path / each) if each.startswith("out") else each for each in words]
     done = verb(name, *words)
     assert not (hostile / "executed").exists()
-    assert done.exit_code == 0 or name == "merge" or "nobody has said that it is trusted" in done.output, done.output
+    assert done.exit_code == 0 or name == "merge" or "is code, and it is not trusted" in done.output, done.output
 
 
 def test_no_function_executes_code_that_nobody_trusts(hostile: Path, tmp_path: Path) -> None:
@@ -344,7 +344,7 @@ def test_no_function_executes_code_that_nobody_trusts(hostile: Path, tmp_path: P
         lambda: symaware_cli.falsify(hostile / "own.yaml", "near", over={"run.duration": "0.1..0.5 by 0.1"}),
     ]
     for function in functions:
-        with pytest.raises(symaware_cli.ScenarioError, match="nobody has said that it is trusted"):
+        with pytest.raises(symaware_cli.ScenarioError, match="is code, and it is not trusted"):
             function()
         assert not (hostile / "executed").exists()
 

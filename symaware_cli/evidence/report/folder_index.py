@@ -43,10 +43,10 @@ class IndexEntry:
     Attributes:
         path: Its path, relative to the folder.
         kind: ``log`` or ``sweep``.
-        status: How the run ended, or how many runs of a sweep did.
+        status: How the run ended, or the number of runs made of a sweep.
         name: The name of the scenario; empty if unknown.
-        facts: What else is said about it, by name.
-        verdicts: The verdict on each specification, and what was counted, such as ``3 of 4``.
+        facts: Further facts about it, by name.
+        verdicts: The verdict on each specification, and the counts, such as ``3 of 4``.
         differences: What distinguishes it from the first log of the same scenario.
         picture: Its picture as PNG; empty if there is nothing to draw.
         error: Why it cannot be read; empty if it can.
@@ -188,7 +188,7 @@ def _drawn(draw: Any) -> bytes:
 
 
 def _differences(log: Log, relative: Path, name: str, firsts: dict[str, tuple[Path, Any]]) -> list[str]:
-    """Return in which values the scenario of a log differs from that of the first log with the same name."""
+    """Return the values in which the scenario of a log differs from that of the first log with the same name."""
     try:
         data = read_yaml(log.attachments[RESOLVED])
     except (KeyError, ValueError):
