@@ -210,9 +210,9 @@ def test_what_is_no_duration_is_refused_alike(
         ({"exponential": -0.1}, ".exponential", "is -0.1: the mean or median"),
         ({"choice": []}, ".choice", "is an empty list"),
         ({"choice": [0.1], "weights": [1, 2]}, ".weights", "there are 2 weights for 1 options"),
-        ({"uniform": [0.1, 0.3], "least": 0.2}, ".least", "goes with what has no ends"),
+        ({"uniform": [0.1, 0.3], "least": 0.2}, ".least", "is for distributions without ends"),
         ({"uniform": [0.1, 0.3], "weights": [1]}, ".weights", "weights go with `choice`"),
-        ({"normal": [-9, 0.1], "least": 0}, ".least", "leaves hardly anything of the distribution"),
+        ({"normal": [-9, 0.1], "least": 0}, ".least", "excludes nearly all of the distribution"),
     ],
 )
 def test_what_is_no_distribution_is_refused_alike(

@@ -123,7 +123,7 @@ class Signal:
         """Create the empty column of a group.
 
         Args:
-            count: How many agents there are.
+            count: The number of agents.
 
         Raises:
             ValueError: It is not a series, and its columns are not defined.

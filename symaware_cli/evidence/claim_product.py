@@ -148,7 +148,8 @@ def _require_condition(factor: ClaimFactor, satisfied: Sequence[str], before: Se
     named = " and ".join(factor.term.satisfied)
     wanted = f"P({named} | {' and '.join(satisfied)})" if satisfied else f"P({named})"
     place = f"after {', '.join(str(each.folder) for each in before)}" if before else "as the first factor"
-    raise SweepError(f"{factor.folder} claims {factor.term}, unfit {place}: the claim there is of {wanted}")
+    said = f"{factor.folder} claims {factor.term}, which does not fit {place}"
+    raise SweepError(f"{said}: a claim there is of {wanted}")
 
 
 def _require_same_distribution(one: SweepFolder, other: SweepFolder) -> None:

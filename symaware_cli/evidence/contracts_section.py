@@ -31,7 +31,7 @@ class ContractUse(Section):
         None, description="The agents it is about: a group, or a list of ids and groups. All others if left out."
     )
     where: dict[Identifier, str] = Field(
-        default_factory=dict, description="Formulas to refer to by name, each also by those that follow it."
+        default_factory=dict, description="Named formulas, which later ones and the formula itself may refer to."
     )
     from_: Seconds = Field(0.0, alias="from", description="When the formula is to hold [s].")
     to: Seconds | None = Field(None, description="The last instant that counts [s]; the end of the run if left out.")

@@ -1,4 +1,4 @@
-"""Warns of agents without a body in a world in which there is something to collide with."""
+"""Warns of agents without a body in a world with objects to collide with."""
 
 from __future__ import annotations
 

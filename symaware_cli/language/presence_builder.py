@@ -104,7 +104,7 @@ class PresenceBuilder:
                 message = "an agent that returns has to leave before: `until` is missing"
                 self._report("missing-field", message, place, expected="`until`: when it leaves")
             if each.from_ is None:
-                self._report("missing-field", "when does it return? `from` is missing", here, expected="`from`")
+                self._report("missing-field", "`from` is missing: when it returns", here, expected="`from`")
             elif (
                 isinstance(each.from_, int | float)
                 and isinstance(before.until, int | float)

@@ -122,7 +122,7 @@ class _TomlNodeBuilder:
 
 
 class _UnreadableError(Exception):
-    """What follows is not TOML."""
+    """The following text is not TOML."""
 
     def __init__(self, index: int) -> None:
         super().__init__()
@@ -132,8 +132,8 @@ class _UnreadableError(Exception):
 class _SpanTable:
     """The spans of all keys and values of a TOML document.
 
-    tomllib has no positions. This walks over texts that it accepts, or rejects for a key that is given twice; what is
-    not TOML is passed over, to the end of its line.
+    tomllib has no positions. This walks over texts that it accepts, or rejects for a key that is given twice; other
+    text is skipped, to the end of its line.
 
     Attributes:
         keys: The span of the key of each path.
@@ -210,7 +210,7 @@ class _SpanTable:
         return path, position
 
     def _current(self, path: Path) -> Path:
-        """Returns the path of the table that a name means now: in an array of tables, the last one."""
+        """Returns the path of the table that a name denotes at present: in an array of tables, the last one."""
         return (*path, self._arrays[path] - 1) if path in self._arrays else path
 
     def _add_span(self, path: Path, span: TextSpan) -> None:

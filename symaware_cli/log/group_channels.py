@@ -55,7 +55,7 @@ class PostureChannels:
     """The channels of the orientation and joint positions of bodies in a spatial world."""
 
     def __init__(self, writer: LogWriter, environment: Environment, name: str) -> None:
-        """Open the channels for what `EntityChannels` does not record.
+        """Open the channels for the quantities that `EntityChannels` does not record.
 
         Args:
             writer: The log.

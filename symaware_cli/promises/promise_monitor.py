@@ -97,7 +97,7 @@ class PromiseMonitor(GroupCommunicationReceiver):
         found = promises if isinstance(promises, Promises) else Promises((), {})
         own = [each for id in view.entry.group.ids for each in found.to(id)]
         if not own:
-            view.warn("nobody promises anything to these agents", "use", expected="a section `promises`")
+            view.warn("there are no promises to these agents", "use", expected="a section `promises`")
         if any(each.on_broken == "stop" for each in own):
             for after in view.after:
                 if after.use.startswith("control."):

@@ -208,10 +208,10 @@ class PhysicsEnvironment(ColumnEnvironment):
             self._vanish(self._part_of(group).start + row)
 
     def drive(self, group: EntityGroup) -> Drive:
-        """Return within which limits forces give bodies the velocities of their model.
+        """Return the limits within which forces give bodies the velocities of their model.
 
         Raises:
-            WorldError: A vehicle, links, damping or a joint decide that as well.
+            WorldError: The velocities also depend on a vehicle, links, damping or a joint.
         """
         entity, name = group.entity, group.name
         if not any(actuator.group is group for actuator, _, _ in self._parts):

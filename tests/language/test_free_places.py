@@ -131,7 +131,7 @@ def test_single_agents_may_have_given_places(tmp_path: Path) -> None:
     ("state", "said"),
     [
         ({"apart": 9.0, "within": [0, 10, 0, 10]}, "has no room, as no place was found for it in 1000 draws"),
-        ({}, "it needs to be said where"),
+        ({}, "it needs an area"),
         ({"within": "nowhere"}, "there is no region `nowhere`"),
         ({"within": "around"}, "the region `around` moves with an agent"),
         ({"within": [1, 0, 0, 1]}, "the least of a coordinate is not below its greatest"),

@@ -140,7 +140,7 @@ def test_a_state_of_one_number_can_be_drawn(building: Building) -> None:
             {"grid": {"spacing": 1e9, "origin": [1e9, 0]}},
             "out-of-range",
             "state",
-            "`agents.robot.state` comes to 2000000000.0",
+            "`agents.robot.state` evaluates to 2000000000.0",
         ),
     ],
 )

@@ -122,8 +122,8 @@ def test_numbers_for_each_element_are_drawn_beside_each_other() -> None:
         ({"choice": [1, 2], "constant": 1}, "other forms"),
         ({"uniform": (0, 1), "weights": [1]}, "weights go with `choice`"),
         ({"uniform": (0, 1), "least": 0}, "`least` goes with"),
-        ({"normal": (0, 1), "greatest": -40}, "`greatest` leaves hardly anything"),
-        ({"normal": (0, 1), "least": 2, "greatest": 1}, "`least` leaves hardly anything"),
+        ({"normal": (0, 1), "greatest": -40}, "`greatest` excludes nearly all"),
+        ({"normal": (0, 1), "least": 2, "greatest": 1}, "`least` excludes nearly all"),
     ],
 )
 def test_invalid_distributions_are_refused(content: dict[str, Any], problem: str) -> None:
