@@ -258,7 +258,7 @@ class FmuSimulator(StepSimulator):
         try:
             return self._process.call("capture")
         except FmuError as error:
-            raise StateError(f"the state of the FMU `{self._file}` cannot be had: {error}") from error
+            raise StateError(f"the state of the FMU `{self._file}` cannot be retrieved: {error}") from error
 
     def restored(self, state: Any) -> None:
         """Set the states of the instances."""

@@ -4,8 +4,9 @@ Nothing is imported here, so that users of the reader do not pay for the writer,
 
 - `writer.LogWriter` writes a log, `wire` encodes its large messages,
 - `reader.open_log` reads one, `recovery` reads the intact part of a damaged one, `repair.recover` writes a sound copy,
-- `entry_filter` selects events and messages, `overview` summarises a log, `digest.digest` compares runs, -
-`data_frames` makes frames of pandas, Polars and Arrow from series, - `output` writes files atomically.
+- `entry_filter` selects events and messages, `overview` summarises a log, `digest.digest` compares runs,
+- `data_frames` makes frames of pandas, Polars and Arrow from series,
+- `output` writes files atomically.
 """
 
 from symaware_cli.interface import interface_of

@@ -62,11 +62,11 @@ class SharedMap(MapPerception, GroupCommunicationReceiver):
 
     events: ClassVar[Mapping[str, str]] = {
         "map-received": "An agent received the map of another for the first time; `cells` counts what that one saw.",
-        "map-refused": "The cells of the map that an agent received are others than its own; once for each sender.",
+        "map-refused": "The cells of a received map differ from the agent's own; once for each sender.",
     }
 
     class Parameters(MapPerception.Parameters):
-        """How often maps are sent."""
+        """The interval between messages."""
 
         interval: float = Field(2.0, gt=0, le=1e6, description="Time between two messages of an agent [s].")
 
@@ -113,7 +113,7 @@ class SharedMap(MapPerception, GroupCommunicationReceiver):
             if not same:
                 self._heard[row, sender] = None
                 if is_first:
-                    said = f"cannot use the map of {ids[sender]}, whose cells are others"
+                    said = f"cannot use the map of {ids[sender]}, whose cells differ"
                     self.emit_for(row, "map-refused", said, level=Level.WARNING, other=ids[sender])
             elif before is None or before.time <= delivery.sent_time:
                 self._heard[row, sender] = Evidence(delivery.sent_time, cells, odds)

@@ -174,7 +174,7 @@ class PromiseMonitor(GroupCommunicationReceiver):
             self._stop()
 
     def _say_relied(self, known: Mask) -> None:
-        """Say of each promise, once it is known, which results hold only if it is kept."""
+        """Report for each promise, once it is known, the results that hold only if it is kept."""
         reliance = self._promises.reliance.get(self._group.name, Reliance())
         new = np.flatnonzero(known & ~self._said)
         self._said = self._said | known

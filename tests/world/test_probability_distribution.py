@@ -121,7 +121,7 @@ def test_numbers_for_each_element_are_drawn_beside_each_other() -> None:
         ({"choice": [1, 2], "weights": [-1, 2]}, "at least 0"),
         ({"choice": [1, 2], "constant": 1}, "other forms"),
         ({"uniform": (0, 1), "weights": [1]}, "weights go with `choice`"),
-        ({"uniform": (0, 1), "least": 0}, "`least` goes with"),
+        ({"uniform": (0, 1), "least": 0}, "`least` is for distributions"),
         ({"normal": (0, 1), "greatest": -40}, "`greatest` excludes nearly all"),
         ({"normal": (0, 1), "least": 2, "greatest": 1}, "`least` excludes nearly all"),
     ],

@@ -170,14 +170,17 @@ def test_the_joints_of_who_is_led_are_held(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        ([link("bob", 0.0), joint("hinge", "continuous", "base", "bob")], "no mass to what its joint `hinge` moves"),
+        (
+            [link("bob", 0.0), joint("hinge", "continuous", "base", "bob")],
+            "no mass to the link that its joint `hinge` moves",
+        ),
         (
             [
                 *(link(name, 0.0) for name in ("arm", "bob")),
                 joint("hinge", "continuous", "base", "arm"),
                 joint("weld", "fixed", "arm", "bob"),
             ],
-            "no mass to what its joint `hinge` moves",
+            "no mass to the link that its joint `hinge` moves",
         ),
         *(
             ([link("bob", 1.0), joint("socket", kind, "base", "bob")], f"mechanism.urdf:1:.* `socket` is `{kind}`")

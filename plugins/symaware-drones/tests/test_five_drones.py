@@ -124,7 +124,7 @@ def test_every_drone_knows_who_leads() -> None:
         ("agents.hub.state=[0, -20]", "`point-1` of hub cannot be met"),
         ("regions.area_2.polygon.centre=[2, 6]", None),
         ("specifications.point-2.formula=always[0, 3] inside(position, area_2) or time > 3", "is no task"),
-        ("regions.slot_1_1.turns=true", "the region `slot_1_1` turns with hub; say `turns: false`"),
+        ("regions.slot_1_1.turns=true", "the region `slot_1_1` turns with hub; set `turns: false`"),
     ],
 )
 def test_what_cannot_be_met_is_said_before_the_run(override: str, said: str | None) -> None:
