@@ -132,7 +132,7 @@ def test_repeating_the_run_gives_the_same_outcomes(log: Path) -> None:
     assert check_log(log, again=True).specifications == check_log(log).specifications
 
 
-def test_a_window_between_recorded_instants_is_refused_with_the_way_out_and_not_held_against_a_sweep(
+def test_a_window_between_recorded_instants_is_refused_with_a_remedy_and_is_no_finding_of_a_sweep(
     tmp_path: Path,
 ) -> None:
     scenario = yaml.safe_load((CHECKOUT / "scenarios" / "head-on.yaml").read_text())

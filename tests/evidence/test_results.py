@@ -84,7 +84,7 @@ def sarif_faults(document: object) -> list[str]:
     return faults
 
 
-def test_sarif_has_results_for_what_is_wrong_alone_with_rules_levels_and_regions(
+def test_sarif_has_results_only_for_faults_with_rules_levels_and_regions(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -59,7 +59,7 @@ def zeros(size: int, *, told: bool = True) -> bytes:
 @pytest.mark.parametrize("claimed", [1 << 16, 1 << 20, 1 << 27, 1 << 30, 1 << 62])
 @pytest.mark.parametrize("kind", ["zstd", "zstd, size unknown", "lz4"])
 @pytest.mark.parametrize("summary", [True, False])
-def test_a_chunk_that_swells_costs_no_more_than_ours(
+def test_a_chunk_that_unpacks_to_a_large_size_takes_bounded_memory(
     sample: Anatomy, tmp_path: Path, kind: str, claimed: int, summary: bool
 ) -> None:
     content = lz4.frame.compress(bytes(1 << 28)) if kind == "lz4" else zeros(1 << 28, told=kind == "zstd")
@@ -81,7 +81,7 @@ def test_a_chunk_of_ours_is_large_only_with_one_message(sample: Anatomy, tmp_pat
     assert len(list(open_log(written(tmp_path, sample)).messages())) == 20_001
 
 
-def test_the_writer_refuses_a_message_that_no_reader_would_take(tmp_path: Path) -> None:
+def test_the_writer_refuses_a_message_that_readers_would_reject(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "log.mcap") as writer:
         channel = writer.channel("/events", "Event")
         writer.add(channel, 0, b"")
@@ -180,9 +180,7 @@ def test_every_altered_message_is_decoded_or_refused_in_a_sentence(sample: Anato
 @pytest.mark.parametrize("depth", [MAX_DEPTH + 1, 500, 100_000])
 @pytest.mark.parametrize(("opening", "closing"), [("[", "]"), ('{"a": ', "}"), ('[{"a": ', "}]")])
 @pytest.mark.parametrize("closed", [True, False])
-def test_text_that_is_nested_deeper_than_anybody_writes_is_refused(
-    depth: int, opening: str, closing: str, closed: bool
-) -> None:
+def test_text_that_is_nested_too_deeply_is_refused(depth: int, opening: str, closing: str, closed: bool) -> None:
     text = opening * depth + ("1" + closing * depth) * closed
     for read in (read_json, read_yaml):
         with pytest.raises(ValueError, match=r"nested|not YAML|Expecting|more text"):

@@ -128,7 +128,7 @@ def test_columns_that_do_not_fit_together_are_damage(tmp_path: Path, columns: di
         list(open_log(path).communications())
 
 
-def test_logs_of_earlier_versions_tell_single_messages_and_those_of_groups_on_two_channels(
+def test_logs_of_earlier_versions_have_single_messages_and_those_of_groups_on_two_channels(
     log_of: Callable[..., Path], tmp_path: Path
 ) -> None:
     path = tmp_path / "former.mcap"

@@ -48,7 +48,7 @@ def test_intents_and_risks_of_others_are_in_the_log_when_they_change(tmp_path: P
     assert not log.beliefs("robot.1", "robot.0").series
 
 
-def test_they_stand_beside_what_is_perceived(tmp_path: Path) -> None:
+def test_received_intents_are_recorded_beside_perceived_states(tmp_path: Path) -> None:
     log = recorded(tmp_path, OmniscientPerception)
     beliefs = log.beliefs("robot.0", "robot.1")
     assert len(beliefs.series["intent"]) == 3

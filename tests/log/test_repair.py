@@ -119,7 +119,7 @@ def test_sound_chunks_are_copied_as_they_are(tmp_path: Path, whole: bytes) -> No
     assert chunk_data(new) == chunk_data(path)
 
 
-def test_a_sound_log_is_copied_and_says_nothing_of_a_recovery(tmp_path: Path, whole: bytes) -> None:
+def test_a_sound_log_is_copied_without_a_record_of_a_recovery(tmp_path: Path, whole: bytes) -> None:
     path, new = tmp_path / "log.mcap", tmp_path / "new.mcap"
     path.write_bytes(whole)
     check(path, new)
@@ -128,7 +128,7 @@ def test_a_sound_log_is_copied_and_says_nothing_of_a_recovery(tmp_path: Path, wh
 
 
 @pytest.mark.parametrize("summary", [True, False])
-def test_a_damaged_chunk_and_attachment_are_left_out_and_told_with_their_times(
+def test_a_damaged_chunk_and_attachment_are_left_out_and_reported_with_their_times(
     tmp_path: Path, whole: bytes, summary: bool
 ) -> None:
     broken = bytearray(whole)
@@ -152,7 +152,7 @@ def test_a_damaged_chunk_and_attachment_are_left_out_and_told_with_their_times(
     assert present(open_log(path).verify()).missing_from == (10 * STEP if summary else 9 * STEP)
 
 
-def test_the_times_in_the_head_of_a_chunk_which_nothing_guards_are_set_right(tmp_path: Path, whole: bytes) -> None:
+def test_the_unprotected_times_in_the_head_of_a_chunk_are_corrected(tmp_path: Path, whole: bytes) -> None:
     broken = bytearray(whole[:-1])
     start, _ = places(whole, Opcode.CHUNK)[3]
     broken[start : start + 16] = bytes(range(16))

@@ -183,7 +183,7 @@ def test_integers_are_written_as_the_numbers_they_are() -> None:
     assert wire.decode_rows(wire.encode_rows(np.array([[1, 2]]), np.array([5]))).values.tolist() == [[1.0, 2.0]]
 
 
-def test_decoding_copies_nothing() -> None:
+def test_decoding_makes_no_copies() -> None:
     decoded = wire.decode_rows(wire.encode_rows(np.ones((4, 2)), range(4)))
     assert decoded.values.base is not None
     assert not decoded.values.flags.writeable

@@ -68,7 +68,7 @@ def test_without_a_deviation_all_values_are_the_mean() -> None:
     assert of(exponential=0.0, constant=1.0).values(POINTS[:3]) == [1.0] * 3
 
 
-def test_options_are_chosen_as_often_as_their_weights_say() -> None:
+def test_options_are_drawn_in_proportion_to_their_weights() -> None:
     options = ["wide", None, {"range": 3.0}]
     chosen = of(choice=options, weights=[1, 0, 3]).values(POINTS)
     assert None not in chosen

@@ -89,7 +89,7 @@ def integrated(
 @pytest.mark.parametrize("mass", [None, 1.0], ids=["fixed base", "free base"])
 @pytest.mark.parametrize("inertia", [1e-3, 0.7])
 @pytest.mark.parametrize(("damping", "friction"), [(0, 0), (0.4, 0), (0, 0.3)])
-def test_a_pendulum_swings_as_newton_has_it(
+def test_a_pendulum_swings_according_to_newtons_laws(
     mass: float | None, inertia: float, damping: float, friction: float, tmp_path: Path
 ) -> None:
     length, start = 1.0, 0.5
@@ -152,7 +152,7 @@ def test_links_of_a_robot_with_a_fixed_base_touch_others_and_the_ground(tmp_path
         assert np.ptp(positions(environment, 2.0)) == pytest.approx(3.0, abs=0.05)
 
 
-def test_the_joints_of_who_is_led_are_held(tmp_path: Path) -> None:
+def test_the_joints_of_a_body_on_a_path_are_held(tmp_path: Path) -> None:
     mechanism(tmp_path, link("bob", 1.0, -1.0), joint("hinge", "continuous", "base", "bob", "0 0 3", "0 -0.5 0"))
     shape = {"urdf": {"file": "mechanism.urdf", "radius": 2.0}}
     environment = PyBulletEnvironment(PyBulletEnvironment.Parameters(time_step=0.01))

@@ -217,9 +217,7 @@ def test_the_exchanged_case_conforms_to_the_metamodel(folder: Path) -> None:
         ("<description>", "<descriptions/><description>", "contains no descriptions"),
     ],
 )
-def test_the_check_against_the_metamodel_finds_what_violates_it(
-    made: Path, written: str, instead: str, said: str
-) -> None:
+def test_the_check_against_the_metamodel_finds_violations(made: Path, written: str, instead: str, said: str) -> None:
     text = (made / "assured" / "case.sacm.xml").read_text()
     assert written in text
     assert any(said in each for each in problems(text.replace(written, instead, 1)))
