@@ -1,4 +1,4 @@
-"""The awareness database: what one agent holds of others, looked up when it is asked."""
+"""The awareness database: the beliefs of one agent about others, looked up on demand."""
 
 import pickle
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ def ready() -> Simulation:
 
 
 def tracks(time: int, position: Sequence[float]) -> Tracks:
-    """The first agent believes the second to be somewhere."""
+    """The first agent has a belief about the position of the second."""
     pointers, others = np.array([0, 1, 1, 1]), np.array([1])
     return Tracks(time, pointers, others, np.array([position]), np.zeros((1, 2)), np.eye(4)[None])
 
@@ -138,7 +138,7 @@ def test_a_view_is_copied_and_sent_as_a_value(ready: Simulation) -> None:
 
 
 class Guesses(Component):
-    """Writes where another goes and how risky that is, while it is perceived by others."""
+    """Writes the intent and the risk of another, while others perceive it."""
 
     def _compute(self) -> TimeSeries:
         return TimeSeries({1.0: [4.0, 5.0]})

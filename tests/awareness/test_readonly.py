@@ -1,4 +1,4 @@
-"""What knowledge hands out cannot be changed, all the way down, and says what to write instead."""
+"""Values of knowledge are deeply read-only, and errors name the assignment to write instead."""
 
 import copy
 import pickle

@@ -1,4 +1,4 @@
-"""What agents believe of others, carried on and brought together."""
+"""Beliefs of agents about others are extrapolated and merged."""
 
 from collections.abc import Sequence
 

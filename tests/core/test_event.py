@@ -1,4 +1,4 @@
-"""Events reach whoever subscribed, also when subscribers come, go and fail while one fires."""
+"""Events reach all subscribers, also if some subscribe, cancel or fail while one fires."""
 
 from functools import partial
 

@@ -1,4 +1,4 @@
-"""What `_compute` returns and `_update` cannot take is told in plain words, in both modes."""
+"""A value of `_compute` that `_update` cannot use is reported in plain words, in both modes."""
 
 import re
 from typing import Any

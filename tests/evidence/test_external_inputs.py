@@ -1,4 +1,4 @@
-"""Inputs from outside of a run are in its log, and a repetition takes them from there."""
+"""External inputs of a run are in its log, and a repetition takes them from there."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A value that Python gives means what the same value means that is written as YAML."""
+"""A Python value has the same meaning as the same value written as YAML."""
 
 from __future__ import annotations
 

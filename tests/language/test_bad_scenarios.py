@@ -30,7 +30,7 @@ WRITE = bool(os.environ.get("SYMAWARE_WRITE_REPORTS"))
 
 @pytest.fixture(scope="module", autouse=True)
 def _installed(known_plugins: None) -> Iterator[None]:
-    """Run beside the files, with nothing but the built-in plugins and the ones that these tests bring."""
+    """Run beside the files, with only the built-in plugins and those of these tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(BAD)
         # What a plugin that needs an extra finds where the extra is not installed.

@@ -1,4 +1,4 @@
-"""Who takes a maximal risk has to know states exactly, or the covariances of their errors."""
+"""A maximal risk requires exact states, or the covariances of their errors."""
 
 from itertools import product
 from pathlib import Path

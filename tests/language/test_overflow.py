@@ -1,4 +1,4 @@
-"""Numbers that overflow fail where they are written; NumPy's warnings of them are not printed beside that."""
+"""Numbers that overflow fail where they are written, without further warnings of NumPy."""
 
 from pathlib import Path
 

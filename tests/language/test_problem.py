@@ -1,4 +1,4 @@
-"""What a person and a tool see of a problem."""
+"""The presentation of problems to people and tools."""
 
 import json
 from typing import Any

@@ -1,4 +1,4 @@
-"""What components require of their world, and the bodies that they name."""
+"""The requirements of components on their world, and the bodies that they name."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""Every plugin may check the whole scenario; what it refuses is located at its own section, or where it says."""
+"""Every plugin may check the whole scenario; its reports are located at its section, or at a given place."""
 
 import re
 from collections.abc import Callable
@@ -102,7 +102,7 @@ def test_a_missing_parameter_is_located_at_the_section(
 
 
 def test_the_language_names_no_component() -> None:
-    """Only what all sensors share; so a check of a component is in its own module."""
+    """Only common checks of sensors; a check of a single component is in its own module."""
     folder = CHECKOUT / "symaware_cli" / "scenario"
     found = {
         name

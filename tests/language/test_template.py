@@ -1,4 +1,4 @@
-"""What `symaware new` writes."""
+"""The files that `symaware new` writes."""
 
 import re
 from pathlib import Path

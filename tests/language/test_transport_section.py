@@ -1,4 +1,4 @@
-"""The `transport` section: read with the scenario, and of use to runs of several processes only."""
+"""The `transport` section: read with the scenario, and used only by runs of several processes."""
 
 from pathlib import Path
 from typing import Any

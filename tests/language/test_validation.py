@@ -52,7 +52,7 @@ class Car(_Model):
 
 @pytest.fixture
 def judged(tmp_path: Path) -> Any:
-    """Check what stands in a file against a model, and return the problems."""
+    """Check the content of a file against a model, and return the problems."""
 
     def judge(text: str, model: type[BaseModel] = Car, others: tuple[Place, ...] = ()) -> list[Problem]:
         path = tmp_path / "car.yaml"

@@ -1,4 +1,4 @@
-"""The versions of what is installed, and what computes."""
+"""The versions of installed packages, and of the numerical kernels."""
 
 import sys
 import zipfile

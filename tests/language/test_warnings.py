@@ -1,4 +1,4 @@
-"""What `validate` warns of: agents without a body, and assumptions that no environment can keep."""
+"""Warnings of `validate`: agents without a body, and assumptions that no environment can keep."""
 
 from pathlib import Path
 from typing import Any

@@ -336,7 +336,7 @@ _VALUES = st.recursive(
 
 
 class _CoreDumper(yaml.SafeDumper):
-    """Writes YAML 1.2: what only YAML 1.1 reads as a number or date needs no quotes, but what 1.2 reads as one does."""
+    """Writes YAML 1.2: texts that only YAML 1.1 reads as numbers or dates need no quotes, unlike those of 1.2."""
 
     def ignore_aliases(self, data: object) -> bool:
         return True

@@ -1,4 +1,4 @@
-"""However a log was made, its size and that of our chunks bound the time and memory that reading it takes."""
+"""The time and memory to read any log are bounded by its size and that of our chunks."""
 
 import gc
 import time
@@ -39,7 +39,7 @@ def written(tmp_path: Path, anatomy: Anatomy) -> Path:
 
 
 def peak(work: Callable[..., Any]) -> int:
-    """The most memory that something takes, bytes; of what Python and NumPy ask for."""
+    """The peak memory of a function, as allocated by Python and NumPy [bytes]."""
     gc.collect()
     tracemalloc.start()
     try:
@@ -50,7 +50,7 @@ def peak(work: Callable[..., Any]) -> int:
 
 
 def zeros(size: int, *, told: bool = True) -> bytes:
-    """Zeros that zstd made small, with or without a word of how many they are."""
+    """Zeros compressed by zstd, with or without their size."""
     packer = zstandard.ZstdCompressor(level=1, write_content_size=told).compressobj(size=size if told else -1)
     pieces = [packer.compress(bytes(min(1 << 20, size - at))) for at in range(0, size, 1 << 20)]
     return b"".join([*pieces, packer.flush()])
@@ -162,7 +162,7 @@ def problem(message: LogMessage) -> str:
 
 
 def test_every_altered_message_is_decoded_or_refused_in_a_sentence(sample: Anatomy, tmp_path: Path) -> None:
-    """Whatever becomes of its bytes; and what is decoded fits together."""
+    """For any change of its bytes; decoded messages are consistent."""
     log = open_log(written(tmp_path, sample))
     messages = {message.channel.topic: message for message in log.messages()}
     chance, refused = Random(3), 0

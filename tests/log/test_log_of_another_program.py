@@ -1,4 +1,4 @@
-"""Of a log by another program only what the file says is shown: its own times, channels and counts."""
+"""Of a log by another program only facts in the file are shown: its own times, channels and counts."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""What an agent believed of another, as it was recorded."""
+"""The recorded beliefs of an agent about another."""
 
 import json
 from collections.abc import Callable, Sequence

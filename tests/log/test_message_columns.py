@@ -1,4 +1,4 @@
-"""Messages that are recorded, a batch at a time."""
+"""Messages are recorded in batches."""
 
 import csv
 from collections.abc import Callable
@@ -50,7 +50,7 @@ def log_of(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture
 def columns(log_of: Callable[..., Path]) -> Path:
-    """A log with numbers that two of the robots say."""
+    """A log with numbers in messages of two of the robots."""
     said = {"goal": np.array([[1.0, 2.0], [3.0, 4.0]]), "risk": np.array([0.5, 0.25])}
     batch = MessageBatch(np.array([0, 2]), said)
     rows, receivers = np.array([0, 1, 1]), np.array([1, 0, 1])

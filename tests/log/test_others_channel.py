@@ -1,4 +1,5 @@
-"""What agents believe of others is recorded whole: states, covariances, ages, intents, uncertainties and risks."""
+"""Beliefs of agents about others are recorded completely: states, covariances, ages, intents, uncertainties and
+risks."""
 
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ STEP = 50_000_000
 
 
 class Writes(Component):
-    """Believes something of another, from the third step on something else; forgets its intent at the fifth."""
+    """Has a belief about another, another one from the third step on, and forgets its intent at the fifth."""
 
     def _compute(self) -> TimeSeries:
         step = self.now // STEP

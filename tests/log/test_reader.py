@@ -1,4 +1,4 @@
-"""What the reader makes of a sound log."""
+"""The results of reading a sound log."""
 
 import json
 import os

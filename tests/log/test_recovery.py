@@ -1,4 +1,4 @@
-"""What is read of a log that is damaged, and what is said of it."""
+"""Damaged logs are read as far as possible, with a description of the damage."""
 
 import contextlib
 import os
@@ -56,7 +56,7 @@ def chunks(sound: Path) -> list[tuple[int, list[LogMessage]]]:
 
 
 def use(log: Log) -> list[LogMessage]:
-    """Look at everything in a log, and return its messages."""
+    """Read all content of a log, and return its messages."""
     messages = list(log.messages())
     for message in messages:
         if message.channel.schema.startswith("symaware"):
@@ -79,7 +79,7 @@ def check_cut(
     chunks: Sequence[tuple[int, list[LogMessage]]],
     cut: int,
 ) -> None:
-    """Cut the log, and see that everything up to the break is read and the loss is told."""
+    """Cut the log, and check that everything up to the break is read and the loss is reported."""
     path.write_bytes(whole[:cut])
     header_end = places[0][2]
     if cut < header_end:
@@ -155,7 +155,7 @@ def test_a_tail_of_zeros_or_noise_does_not_affect_earlier_data(
 def test_a_chunk_whose_tail_is_zeros_is_left_out(
     tmp_path: Path, whole: bytes, places: list[tuple[int, int, int]], chunks: list[tuple[int, list[LogMessage]]]
 ) -> None:
-    """What a power failure leaves: the file has its length, but not all blocks reached the disk."""
+    """As after a power failure, the file has its length, but not all blocks reached the disk."""
     path = tmp_path / "log.mcap"
     third = [place for place in places if place[0] == Opcode.CHUNK][2]
     cut = third[2] - 100

@@ -1,4 +1,4 @@
-"""What sensors measured is in the log, and can be read and seen again."""
+"""Measurements of sensors are in the log, and can be read and shown."""
 
 import io
 import json

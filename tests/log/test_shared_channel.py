@@ -44,7 +44,7 @@ OBSTACLES = {
 
 
 class Watched:
-    """Notes what a world says of its entities at each instant, past the log."""
+    """Records the entities of a world at each instant, without the log."""
 
     def __init__(self, environment: ColumnEnvironment) -> None:
         self.environment = environment

@@ -1,4 +1,4 @@
-"""What wire.py writes is what the generated classes write."""
+"""The module `wire` writes the same bytes as the generated classes."""
 
 import contextlib
 import importlib.util
@@ -31,7 +31,7 @@ def tables() -> st.SearchStrategy[Any]:
 
 
 def laid_out(array: np.ndarray, layout: str) -> NDArray[np.float64]:
-    """The same numbers, in memory in another way."""
+    """The same numbers in another memory layout."""
     match layout:
         case "big-endian":
             return array.astype(">f8")

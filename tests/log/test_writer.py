@@ -1,4 +1,4 @@
-"""What the writer puts into the file is a sound MCAP, and what becomes of it when writing fails."""
+"""The writer writes sound MCAP files, also if writing fails."""
 
 import errno
 import json

@@ -1,4 +1,4 @@
-"""A scenario in Python: `use` may be a class or a function, and the log says what of it can be repeated."""
+"""A scenario in Python: `use` may be a class or a function, and the log shows which can be repeated."""
 
 import functools
 import subprocess

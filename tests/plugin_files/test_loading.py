@@ -1,4 +1,4 @@
-"""What is executed are the bytes that were hashed, and only if somebody trusts them."""
+"""The hashed bytes are the executed ones, and only if they are trusted."""
 
 import importlib
 import json

@@ -1,4 +1,4 @@
-"""A file beside a scenario: executed only with the person's trust, and then known to everything that runs it."""
+"""A file beside a scenario: executed only if trusted, and then available wherever the scenario runs."""
 
 import hashlib
 import json
@@ -363,7 +363,7 @@ def test_nothing_in_the_folder_grants_trust(hostile: Path, verb: Verb, monkeypat
 
 
 def test_the_option_is_where_one_scenario_is_run_or_repeated() -> None:
-    """For sweeps, which take long and are resumed, a folder is trusted."""
+    """A folder is trusted for sweeps, which take long and are resumed."""
     options = {
         name for name, each in all_commands().items() if any("--trust" in parameter.opts for parameter in each.params)
     }

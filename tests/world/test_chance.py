@@ -1,4 +1,4 @@
-"""Chance is keyed by what it is for: seed, purpose, turn, who draws and about whom, and by nothing else."""
+"""Random draws are keyed only by seed, purpose, turn, the drawing agent and the other agent."""
 
 import itertools
 import pickle
@@ -51,7 +51,7 @@ GOLDEN = {
     "agent": [0.8759945342357607, 0.8832666205343175],
     "single": 0.6076727726443355,
 }
-"""First drawn with version 0.2.0; whoever changes them makes every seed in the world mean something else."""
+"""First drawn with version 0.2.0; a change alters the meaning of every seed."""
 
 
 def long(words: tuple[int, ...]) -> list[int]:

@@ -1,4 +1,4 @@
-"""Where obstacles are, and what is said of those that cannot be."""
+"""The positions of obstacles, and refusals of invalid ones."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Models: what becomes of an agent depends on its own row, bit for bit, however many rows there are."""
+"""Models: the result for an agent depends on its own row only, to the bit, for any number of rows."""
 
 from collections.abc import Callable, Iterator
 from importlib import metadata

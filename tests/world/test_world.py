@@ -1,4 +1,4 @@
-"""Who is who, and where everybody is."""
+"""Rosters and snapshots: the indices and states of agents."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The engine of the spatial world, and what it prints."""
+"""The engine of the spatial world, and its output."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Who touches whom in physics worlds, from when, how hard, and with which speed they part."""
+"""Contacts in physics worlds: their times, impulses and the speeds of separation."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -77,7 +77,7 @@ def test_bodies_in_one_place_at_the_start_are_reported_at_once(
 def test_the_impulse_of_a_landing_body_is_the_change_of_its_momentum(
     kind: type[PhysicsEnvironment], elasticity: float, substeps: int, turned: float
 ) -> None:
-    """Against a floor, with what the weight adds until the time step ends."""
+    """Against a floor, with the impulse of the weight until the time step ends."""
     height = 0.25 if turned == 0.0 else 0.36
     obstacles = {
         "crate": Obstacle(

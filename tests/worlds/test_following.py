@@ -1,4 +1,4 @@
-"""A world that follows what was shared of another one is like it, for whoever asks."""
+"""A world that follows another one equals it in all queries."""
 
 from collections.abc import Iterator
 from pathlib import Path

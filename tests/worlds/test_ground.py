@@ -1,4 +1,4 @@
-"""The ground of the spatial world: who stands on it, who is in it, and how bodies land and slide on it."""
+"""The ground of the spatial world: bodies stand, land and slide on it, or begin in it."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path

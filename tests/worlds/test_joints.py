@@ -1,4 +1,4 @@
-"""Joints of URDF files in the spatial world: free as the file says, on a fixed base or on one that moves."""
+"""Joints of URDF files in the spatial world move as in the file, on a fixed or a moving base."""
 
 import math
 from collections.abc import Callable
@@ -73,7 +73,7 @@ def positions(environment: PyBulletEnvironment, duration: float, name: str = "it
 def integrated(
     acceleration: Callable[..., float], start: tuple[float, float], duration: float, parts: int = 100_000
 ) -> NDArray[np.float64]:
-    """The angle over time by the classical Runge-Kutta method: what no physics engine has a part in."""
+    """The angle over time by the classical Runge-Kutta method, without a physics engine."""
     step, (angle, rate), found = duration / parts, start, []
     for _ in range(parts):
         one = rate, acceleration(angle, rate)

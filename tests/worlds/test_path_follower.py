@@ -1,4 +1,4 @@
-"""What has a path in physics worlds: it is where its path is, pushes, and no jump throws anything."""
+"""Bodies with a path in physics worlds follow it and push others, but not when the path jumps."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -42,7 +42,7 @@ def ball(x: float, y: float, **more: Any) -> Obstacle:
 
 
 def test_a_path_that_jumps_to_its_start_pushes_no_body(kind: type[PhysicsEnvironment]) -> None:
-    """Balls touch a bus where it starts and where it ends: that it goes back there in no time is no motion."""
+    """Balls touch a bus at its start and its end: its jump back in no time is no motion."""
     # Neither ends with a physics step.
     path = {"times": [0, 0.5, 0.999], "positions": [[0, 0], [0, 5], [5, 5]], "repeat": True}
     turning = {"times": [0, 0.999], "positions": [[0, 9], [0, 9]], "headings": [0, 2 * np.pi], "repeat": True}

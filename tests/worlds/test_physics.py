@@ -1,4 +1,4 @@
-"""Physics worlds: what holds for both engines, against closed forms and against the kinematic world."""
+"""Physics worlds: both engines against closed forms and the kinematic world."""
 
 import gc
 from collections.abc import Mapping, Sequence
@@ -61,7 +61,7 @@ def world(
     seed: int = 1,
     **parameters: Any,
 ) -> ColumnEnvironment:
-    """A world of weightless bodies, unless the parameters say otherwise, with somebody far away if nobody else."""
+    """A world of weightless bodies by default, with a distant agent if there is no other."""
     if kind is PyBulletEnvironment:
         parameters = {"gravity": (0, 0, 0), "ground": None, "recovery": 0.0} | parameters
     environment = made(kind, **{"time_step": 0.02, "substeps": 4, **parameters})

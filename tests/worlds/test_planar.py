@@ -1,4 +1,4 @@
-"""The planar world: what Pymunk alone has, joints above all."""
+"""The planar world: features of Pymunk alone, above all joints."""
 
 import sys
 from collections.abc import Mapping, Sequence

@@ -36,7 +36,7 @@ def world(
 def slope(
     angle: float, heading: float, friction: float, what: Mapping[str, Any], **how: Any
 ) -> tuple[dict[str, Obstacle], NDArray[np.float64]]:
-    """A ramp that goes down ahead, and something that lies on the middle of it; and the way down."""
+    """A ramp that descends ahead, a body on the middle of it, and the direction downwards."""
     orientation = attitude(0.0, angle, heading)
     up, down = rotated(orientation, [0.0, 0.0, 1.0]), rotated(orientation, [1.0, 0.0, 0.0])
     above = 0.25 if what is BALL else 0.1

@@ -1,4 +1,4 @@
-"""The spatial world: what PyBullet alone has, such as ground, height, meshes and URDF files."""
+"""The spatial world: features of PyBullet alone, such as ground, height, meshes and URDF files."""
 
 import os
 import subprocess
