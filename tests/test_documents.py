@@ -252,7 +252,7 @@ def test_the_code_of_a_document_runs(document: Path, folder: Path, monkeypatch: 
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=ids)
-def test_a_link_leads_somewhere(document: Path) -> None:
+def test_every_link_has_a_target(document: Path) -> None:
     targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", document.read_text(encoding="utf-8"))
     missing = [target for target in targets if "://" not in target and not (document.parent / target).exists()]
     assert not missing

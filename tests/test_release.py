@@ -77,7 +77,7 @@ def repository(folder: Path) -> Callable[..., None]:
 
 
 @pytest.mark.slow
-def test_a_release_is_built_from_a_tag_works_where_nothing_else_is_and_says_what_it_is(tmp_path: Path) -> None:
+def test_a_release_is_built_from_a_tag_works_alone_and_reports_its_version(tmp_path: Path) -> None:
     checkout, folder, key = tmp_path / "checkout", tmp_path / "dist", tmp_path / "key.pem"
     git = repository(checkout)
     git("tag", "v0.2.0")

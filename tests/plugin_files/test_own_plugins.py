@@ -32,7 +32,7 @@ def verb(home: Path) -> Verb:
     return run
 
 
-def test_an_untrusted_file_is_refused_at_its_place_with_what_to_do(home: Path, verb: Verb) -> None:
+def test_an_untrusted_file_is_refused_at_its_place_with_the_remedy(home: Path, verb: Verb) -> None:
     written(home)
     done = verb("run", "own.yaml")
     assert done.exit_code == 2
@@ -88,9 +88,7 @@ def test_a_folder_is_trusted_once_and_no_longer_after_an_edit(home: Path, comman
         ),
     ],
 )
-def test_a_file_that_cannot_be_used_is_told_once_with_its_line(
-    home: Path, verb: Verb, controller: str, told: str
-) -> None:
+def test_an_unusable_file_is_reported_once_with_its_line(home: Path, verb: Verb, controller: str, told: str) -> None:
     written(home, controller)
     done = verb("validate", "own.yaml", "--trust")
     assert done.exit_code == 2
@@ -107,7 +105,7 @@ def test_a_file_does_not_shadow_an_installed_family(home: Path, verb: Verb) -> N
     assert "`control` is the family of installed plugins" in done.stderr
 
 
-def test_a_name_of_a_file_that_is_not_listed_is_told(home: Path, verb: Verb) -> None:
+def test_a_name_of_an_unlisted_file_is_reported(home: Path, verb: Verb) -> None:
     written(home, scenario=SCENARIO.replace("plugins: [mine.py]\n", ""))
     done = verb("validate", "own.yaml")
     assert done.exit_code == 2
@@ -189,7 +187,7 @@ def test_a_run_that_fails_in_a_file_is_repeated_with_its_traceback(home: Path, v
     assert verified.exit_code == 0, verified.output
 
 
-def test_workers_sweeps_branches_and_states_know_them(home: Path, verb: Verb) -> None:
+def test_workers_sweeps_branches_and_states_have_the_plugins(home: Path, verb: Verb) -> None:
     written(home)
     assert verb("trust", ".").exit_code == 0
     process = ["--set", "agents.robot.components.steer.run_in=process"]
@@ -321,7 +319,7 @@ def test_every_verb_is_tried() -> None:
     [*VERBS.items(), *FURTHER],
     ids=lambda each: each if isinstance(each, str) else "-".join(each)[:40],
 )
-def test_no_verb_executes_code_that_nobody_trusts(
+def test_no_verb_executes_untrusted_code(
     hostile: Path, verb: Verb, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str, words: list[str]
 ) -> None:
     monkeypatch.chdir(hostile)
@@ -331,7 +329,7 @@ def test_no_verb_executes_code_that_nobody_trusts(
     assert done.exit_code == 0 or name == "merge" or "is code, and it is not trusted" in done.output, done.output
 
 
-def test_no_function_executes_code_that_nobody_trusts(hostile: Path, tmp_path: Path) -> None:
+def test_no_function_executes_untrusted_code(hostile: Path, tmp_path: Path) -> None:
     assert symaware_cli.open_log(hostile / "own.mcap").series("robot.1", "state").values.size
     functions: list[Callable[[], object]] = [
         lambda: symaware_cli.load(hostile / "own.yaml"),
@@ -349,7 +347,7 @@ def test_no_function_executes_code_that_nobody_trusts(hostile: Path, tmp_path: P
         assert not (hostile / "executed").exists()
 
 
-def test_nothing_in_the_folder_grants_trust(hostile: Path, verb: Verb, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_file_in_the_folder_grants_trust(hostile: Path, verb: Verb, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not even a list of trusted folders, at any place where one might be looked for."""
     monkeypatch.chdir(hostile)
     kept = hostile / "configuration" / "symaware" / "trusted.json"

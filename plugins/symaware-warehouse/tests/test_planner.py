@@ -274,7 +274,7 @@ def test_plans_with_energy_are_the_best_of_all_choices_of_60_instances() -> None
     check_energies(60)
 
 
-def test_what_needs_more_than_its_epsilon_is_not_bid_on() -> None:
+def test_a_specification_that_needs_more_than_its_epsilon_gets_no_bid() -> None:
     box, text = (-2.0, 2.0, -2.0, 2.0), "always[0, 5] inside(position, goal)"
     for epsilon, is_possible in ((0.05, True), (0.04, False)):
         offer = commitment(text, {"goal": box}, epsilon=epsilon)
@@ -322,7 +322,7 @@ def test_the_risks_so_far_and_to_come_stay_within_epsilon() -> None:
     assert refused.status == "infeasible"
 
 
-def test_what_past_steps_have_used_up_makes_a_later_way_home_not_infeasible() -> None:
+def test_risks_of_past_steps_do_not_make_a_later_return_infeasible() -> None:
     boxes: dict[str, Box] = {"pickup": (-5.0, 20.0, -5.0, 5.0), "home": (-5.0, 5.0, -5.0, 5.0)}
     used_up = commitment("always[0, 10] inside(position, pickup)", boxes, epsilon=0.5)
     home = commitment("eventually[0, 4] inside(position, home)", boxes, start=5, epsilon=0.1)
