@@ -40,7 +40,7 @@ class PluginError(Exception):
 
     Attributes:
         code: A stable identifier for tools.
-        expected: What is valid there.
+        expected: A description of valid values.
         suggestion: The nearest valid name.
     """
 

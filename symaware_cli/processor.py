@@ -146,7 +146,7 @@ def level() -> str | None:
 
 
 def in_force() -> dict[str, str]:
-    """What numerical results depend on, by name: processor, NumPy's kernels, BLAS, C library, and whether pinned."""
+    """The factors in numerical results, by name: processor, NumPy's kernels, BLAS, C library, and whether pinned."""
     kernels = numpy_kernels()
     return {
         "Processor": " ".join(filter(None, (_info().get("model name"), level() and f"({level()})"))) or "unknown",

@@ -40,8 +40,8 @@ class EnvironmentParameters(Parameters):
         0.0,
         ge=0,
         le=1e6,
-        description="How long two bodies must be apart until their contact has ended [s]; if they touch again before, "
-        "it goes on. 0: a contact ends when the bodies part.",
+        description="Time that two bodies must be apart until their contact has ended [s]; if they touch before, "
+        "it continues. 0: a contact ends when the bodies part.",
     )
 
 
@@ -317,7 +317,7 @@ class Environment(Plugin, ABC):
     def contacts_begun(self) -> NDArray[np.intp]:
         """Return an agent, by index, of each contact that began since the last step; only batchable worlds do.
 
-        A contact that goes on within `debounce` after the bodies parted does not begin again.
+        A contact that resumes within `debounce` after the bodies parted does not begin again.
         """
         raise NotImplementedError(f"`{type(self).__name__}` cannot be batched")
 

@@ -36,7 +36,7 @@ _Level = TypeVar("_Level")
 
 
 def fixed_sequence(levels: Iterable[_Level], is_certified: Callable[[_Level], bool]) -> int:
-    """Test levels in their order, and return how many are certified before the first that is not.
+    """Test levels in their order, and return the number of levels certified before the first that is not.
 
     Each level is tested with the whole error probability alpha, and later levels are not tested. All certified levels
     hold jointly with an error probability of at most alpha, because the first false level, in the order that was

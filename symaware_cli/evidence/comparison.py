@@ -69,7 +69,7 @@ class ComparisonResult:
 
     @property
     def is_equal(self) -> bool:
-        """Whether they are equal, regardless of versions and of what is within tolerances."""
+        """Whether they are equal, regardless of versions and of differences within tolerances."""
         return not (self.scenario or self.first or self.attachments)
 
     def to_json(self) -> dict[str, Any]:

@@ -52,7 +52,7 @@ class ContractsSection(ScenarioSection):
         Name, Annotated[ContractUse, BeforeValidator(_of_text, json_schema_input_type=str | ContractUse)]
     ]
     description: ClassVar[str] = (
-        "Awareness contracts by name: formulas over what agents believe and what is true. They are monitored like "
+        "Awareness contracts by name: formulas over beliefs of agents and true values. They are monitored like "
         "`specifications`, and may be claimed beside them: `P(sees) > 0.99; P(safe | sees) > 0.999`."
     )
 

@@ -65,8 +65,8 @@ class ComponentUse(Use):
     )
     when_off: Literal["hold", "clear"] = Field(
         "hold",
-        description="What the parts of awareness and the signals that it wrote are while its condition does not hold: "
-        "their last values, or empty.",
+        description="Values of the parts of awareness and signals that it wrote, while its condition does not hold: "
+        "the last ones, or empty.",
     )
     latency: Latency = Field(
         0.0,
@@ -293,7 +293,7 @@ class ScenarioDocument(Section):
 
     symaware: Literal[1] = Field(description="Version of the scenario format.")
     name: Name = Field(description="The name of the scenario, and of its log.")
-    description: str = Field("", description="What it shows, and what to look for.")
+    description: str = Field("", description="Its purpose, and effects to look for.")
     seed: int = Field(0, ge=0, lt=2**63, description="Seed of all random draws.")
     parameters: dict[str, Any] = Field(
         default_factory=dict, description="Values to refer to elsewhere as ${parameters.NAME}."

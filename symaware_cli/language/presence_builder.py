@@ -81,7 +81,7 @@ class PresenceBuilder:
         ]
 
     def _interval(self, group: AgentGroup, rows: Sequence[int], given: Presence, path: Path) -> list[PresenceInterval]:
-        """Return the intervals of some agents of a group, from what is given for all of them."""
+        """Return the intervals of some agents of a group, from the entry for all of them."""
         self._check_order(given, path)
         spans = [self._span(group, rows, given, path, "scenario present")]
         for number, each in enumerate(given.again):

@@ -160,7 +160,7 @@ class ScenarioSection:
         return iter(())
 
     def additions(self, written: Any, context: SectionContext) -> Additions:
-        """Return what the section adds to the scenario: bodies of the world, regions, and specifications.
+        """Return the additions of the section to the scenario: bodies of the world, regions, and specifications.
 
         Called before `build`, on the same object, and only for a valid scenario. Problems are reported to the context.
 

@@ -74,7 +74,7 @@ class SpecificationUse(Section):
     to: Seconds | None = Field(None, description="The last instant that counts [s]; the end of the run if left out.")
     offer: OfferSection | None = Field(
         None,
-        description="It is not in force by itself, but offered while the run goes on: it is about the one agent of "
+        description="It is not in force by itself, but offered during the run: it is about the one agent of "
         "`each` that accepts it. It is to hold from `from`, by default from when it was first offered, whenever that "
         "agent accepts.",
     )

@@ -218,7 +218,7 @@ class _SpanTable:
         self.values.setdefault(path, span)
 
     def _pair(self, table: Path | None, position: int) -> int:
-        """Reads `key = value` and returns the index behind it; records nothing where the table is None."""
+        """Reads `key = value` and returns the index behind it; records nothing if the table is None."""
         names, position = self._names(position)
         position = self._after(_SPACE, self._expect("=", position))
         if table is None or len(table) > MAX_DEPTH:
@@ -237,7 +237,7 @@ class _SpanTable:
         return self._value(path, position)
 
     def _value(self, path: Path | None, start: int) -> int:
-        """Reads a value and returns the index behind it; records it and what is in it where the path is not None."""
+        """Reads a value and returns the index behind it; records it and its content if the path is not None."""
         inner = None if path is None or len(path) > MAX_DEPTH else path
         opening = self._text[start : start + 1]
         if opening == "[":
@@ -306,7 +306,7 @@ class _SpanTable:
         return position + len(mark)
 
     def _after(self, pattern: re.Pattern[str], position: int) -> int:
-        """Returns the index behind what a pattern matches, which may be nothing."""
+        """Returns the index behind the match of a pattern, which may be empty."""
         found = pattern.match(self._text, position)
         return found.end() if found else position
 

@@ -185,7 +185,7 @@ class GroupChannels:
         ]
 
     def record(self, now: int, steps: int) -> int:
-        """Record the rows that changed and return how many there were, not counting true states.
+        """Record the rows that changed and return their number, without those of true states.
 
         Parts of awareness, such as intents, and signals are recorded alike, by their kind.
 

@@ -54,7 +54,7 @@ def recover(log: Log, path: str | os.PathLike[str]) -> Recovery:
 
     Messages keep their order, channels their ids, chunks their compression. Messages outside chunks, as other writers
     leave them, are put into chunks. If the log was damaged, the metadata record `symaware.recovery` of the new one
-    states what was lost. Memory use is one chunk or attachment, and about 200 bytes per chunk.
+    states the loss. Memory use is one chunk or attachment, and about 200 bytes per chunk.
 
     Args:
         log: The log, which is not changed.

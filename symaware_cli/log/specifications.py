@@ -179,7 +179,7 @@ class LoggedSpecification:
         verdicts: 1 satisfied, -1 violated, 0 undecided; shape (k, rows).
         presumptions: 1 or -1, the verdict if the run ended then, for an undecided formula of linear temporal logic; 0
             for others; shape (k, rows).
-        begun: Which rows count: those that were ever present, or that have accepted what was offered; shape (rows,).
+        begun: Which rows count: those that were ever present, or have accepted the offer; shape (rows,).
         lower: Lower bound of the robustness; shape (k, rows), minus infinity where not computed.
         upper: Upper bound of the robustness; shape (k, rows).
         settled: The exact robustness that the verdict of each row is about, the least of its instances; NaN where that

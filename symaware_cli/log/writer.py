@@ -322,7 +322,7 @@ class LogWriter:
             self._sequence = state["sequence"]
 
     def _go_back(self, size: int, checksum: int) -> None:
-        """Discard what was added after a captured position."""
+        """Discard the messages after a captured position."""
         if not self._open:
             self._refuse()
         summary, self._time = self._marks[size, checksum]
@@ -465,7 +465,7 @@ class LogWriter:
         with contextlib.suppress(OSError):
             self._file.close()
         self._error = OutputError(
-            f"cannot write the log {self.path}: {reason(error)}; what was written before ({self.size:,} bytes) stays "
+            f"cannot write the log {self.path}: {reason(error)}; the data written before ({self.size:,} bytes) stay "
             "readable"
         )
         raise self._error from error

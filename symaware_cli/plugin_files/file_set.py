@@ -21,7 +21,7 @@ class PluginFileError(Exception):
     Attributes:
         name: Its name in the scenario.
         code: A stable identifier for tools.
-        expected: What is valid there.
+        expected: A description of valid content.
     """
 
     def __init__(self, name: str, code: str, message: str, expected: str | None = None) -> None:

@@ -86,7 +86,7 @@ class PhysicsEnvironment(ColumnEnvironment):
             ge=0,
             le=1e6,
             description="How long two bodies must be apart until their contact has ended [s]; if they touch again "
-            "before, it goes on. Engines separate bodies that push each other for single physics steps.",
+            "before, it continues. Engines separate bodies that push each other for single physics steps.",
         )
         substeps: int = Field(10, ge=1, le=1000, description="How many physics steps a time step is divided into.")
         damping: float = Field(

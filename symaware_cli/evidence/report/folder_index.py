@@ -47,7 +47,7 @@ class IndexEntry:
         name: The name of the scenario; empty if unknown.
         facts: Further facts about it, by name.
         verdicts: The verdict on each specification, and the counts, such as ``3 of 4``.
-        differences: What distinguishes it from the first log of the same scenario.
+        differences: The differences from the first log of the same scenario.
         picture: Its picture as PNG; empty if there is nothing to draw.
         error: Why it cannot be read; empty if it can.
     """
@@ -71,7 +71,7 @@ class IndexEntry:
 def index_entries(folder: Path, *, recursive: bool = False) -> list[IndexEntry]:
     """Return an entry for each log and each sweep in a folder, in the order of their paths.
 
-    A folder that contains a sweep is one entry, whatever else is in it. Links to folders are not followed.
+    A folder that contains a sweep is one entry, regardless of its other content. Links to folders are not followed.
 
     Args:
         folder: The folder.

@@ -1,4 +1,4 @@
-"""The section about promises: who relied on them, the results that depend on them, and when one was broken."""
+"""The section about promises: the agents and results that rely on them, and when one was broken."""
 
 from __future__ import annotations
 
