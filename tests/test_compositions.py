@@ -1,4 +1,4 @@
-"""Scenarios composed at random keep every promise of the documentation; the tool that says so can find and shrink."""
+"""Random compositions satisfy the documented invariants; the tool finds and shrinks violations."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Equal scenarios, equal logs; and what an agent does depends on nobody it has no business with."""
+"""Equal scenarios have equal logs, and an agent does not depend on unrelated ones."""
 
 import json
 import re
@@ -113,7 +113,7 @@ def crowd_with(**components: Any) -> dict[str, Any]:
 
 @pytest.fixture
 def recorded(tmp_path: Path) -> Callable[..., Found]:
-    """Run a document and return what each agent did, saw and wanted, by its id: bytes that can be compared."""
+    """Run a document and return all recorded data of each agent, by id, as bytes that can be compared."""
 
     def run(document: Mapping[str, Any], name: str = "run") -> Found:
         summary = execute(build(write(tmp_path / f"{name}.yaml", document)), tmp_path / f"{name}.mcap")
@@ -124,7 +124,7 @@ def recorded(tmp_path: Path) -> Callable[..., Found]:
 
 
 def by_agent(log: Log) -> Found:
-    """For each agent and kind of data, all that was recorded of it, in order."""
+    """For each agent and kind of data, all of its records, in order."""
     found: dict[Any, Any] = {}
     roster = log.manifest["roster"]
     for group, content in log.manifest["groups"].items():
@@ -146,7 +146,7 @@ KINDS = ("state", "intent", "uncertainty", "risk", "control", "awareness", "know
 
 
 def rows(message: LogMessage, ids: Sequence[str], roster: Sequence[str]) -> Iterator[tuple[str, Any]]:
-    """What a message says of each agent."""
+    """The content of a message about each agent."""
     content = message.decode()
     kind = message.channel.schema.rpartition(".")[2]
     numbers = [int(row) for row in content.rows] if content.rows is not None else []
@@ -233,7 +233,7 @@ def test_the_order_of_components_that_do_not_read_each_other_changes_nothing_els
 
 
 def others_of(found: Found, ids: Collection[str]) -> Found:
-    """What was recorded of some agents only."""
+    """The records of some agents only."""
     return {key: value for key, value in found.items() if key[0] in ids}
 
 

@@ -1,4 +1,4 @@
-"""What the documents show is true: commands print what they are said to print, and snippets work."""
+"""The examples in documents are true: commands print the shown output, and snippets work."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Block(NamedTuple):
 
 
 class Command(NamedTuple):
-    """A command of a document, with what it is said to print and to exit with."""
+    """A command of a document, with its shown output and exit status."""
 
     text: str
     output: list[str]

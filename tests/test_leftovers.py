@@ -1,4 +1,4 @@
-"""Whether memory that nobody gives back is found, and memory that is needed once is not taken for it."""
+"""Memory that is not released is found, and memory that is needed once is not mistaken for it."""
 
 import pytest
 from leftovers import grows_forever

@@ -1,4 +1,4 @@
-"""What NumPy and BLAS compute with is the same on every processor of level x86-64-v3, and is told in the log."""
+"""NumPy and BLAS use the same kernels on every processor of level x86-64-v3, which the log states."""
 
 import json
 import os
@@ -24,7 +24,7 @@ print(json.dumps([processor.numpy_kernels(), [[each.kernel, each.threads] for ea
 
 
 def clean(**variables: str) -> dict[str, str]:
-    """The environment of a shell in which nobody has chosen kernels."""
+    """The environment of a shell without settings of kernels."""
     return {name: value for name, value in os.environ.items() if name not in processor.VARIABLES} | variables
 
 

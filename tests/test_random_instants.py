@@ -1,4 +1,4 @@
-"""States of shipped scenarios at random instants: what follows is equal, or the state is refused."""
+"""States of shipped scenarios at random instants: the continuations are equal, or the state is refused."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""What the rooms of the package let each other use."""
+"""The interfaces between the rooms of the package."""
 
 import ast
 import importlib

@@ -1,4 +1,4 @@
-"""Where something is that moves along a path."""
+"""The positions of bodies that move along paths."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Near pairs, against looking at all of them."""
+"""Near pairs, compared with a search of all pairs."""
 
 import itertools
 from typing import Any

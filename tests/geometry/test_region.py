@@ -1,4 +1,4 @@
-"""Regions know how deep points lie in them: exact distances to the boundary, negative outside."""
+"""The depths of points in regions: exact distances to the boundary, negative outside."""
 
 import math
 from typing import Any

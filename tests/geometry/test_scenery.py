@@ -1,4 +1,4 @@
-"""What of the scenery is near or in the way, against dense sampling and Shapely."""
+"""Nearby obstacles and lines of sight, compared with dense sampling and Shapely."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any

@@ -1,4 +1,4 @@
-"""Shapes: of which kind they are, and which are refused."""
+"""Shapes: their kinds, and refusals of invalid ones."""
 
 import math
 

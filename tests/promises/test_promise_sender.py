@@ -1,4 +1,4 @@
-"""Promises that are told: known from the arrival of a message on, which may be late or lost."""
+"""Promises that are sent: known from the arrival of a message on, which may be late or lost."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from symaware_cli.log.digest import digest
 
 
 def telling(channel: dict[str, Any] | None = None, period: float | None = None, **given: Any) -> dict[str, Any]:
-    """Return the scenario in which Adam tells Bob what he promises."""
+    """Return the scenario in which Adam sends his promise to Bob."""
     content = promising(**given)
     tell: dict[str, Any] = {"use": "promises.tell"}
     content["agents"]["adam"]["components"]["tell"] = tell | ({} if period is None else {"period": period})

@@ -1,4 +1,4 @@
-"""Five drones do what the scenario asks; the monitors say so, and barriers agree with them."""
+"""Five drones satisfy the tasks of the scenario, by its monitors; barriers agree with these."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TIMES = {
 
 
 def robustness(log: Log) -> dict[str, float]:
-    """The least robustness of each specification, as the monitors found it."""
+    """The least robustness of each specification, from the monitors."""
     return {each.name: each.robustness for each in log.outcomes if each.robustness is not None}
 
 
@@ -95,7 +95,7 @@ def check_agreement(log: Log) -> int:
 
 
 def greatest_speed(log: Log) -> float:
-    """The greatest norm of the inputs that the controllers asked for [m/s]."""
+    """The greatest norm of the requested inputs [m/s]."""
     agents = ("hub", *(f"drone.{number}" for number in range(4)))
     return max(float(np.hypot(*log.series(agent, "requested_control").values.T).max()) for agent in agents)
 

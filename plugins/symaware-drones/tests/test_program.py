@@ -1,4 +1,4 @@
-"""The smallest input satisfies the constraints, and comes as close as it can where none does."""
+"""The smallest input satisfies the constraints, or violates them as little as possible."""
 
 import math
 

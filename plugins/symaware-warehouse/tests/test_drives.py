@@ -1,4 +1,4 @@
-"""Differential drives with bodies track the plans, and what they accepted holds at every instant."""
+"""Differential drives with bodies track the plans, and accepted specifications hold at every instant."""
 
 from __future__ import annotations
 

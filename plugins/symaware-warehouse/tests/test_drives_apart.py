@@ -1,4 +1,4 @@
-"""Robots that tell each other their plans stay apart."""
+"""Robots that send each other their plans stay apart."""
 
 from __future__ import annotations
 

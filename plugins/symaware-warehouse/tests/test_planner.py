@@ -58,7 +58,7 @@ class Choice(NamedTuple):
 
     Attributes:
         rows: Shape (m, 12).
-        limits: What the rows come to at most; shape (m,).
+        limits: The upper bounds of the rows; shape (m,).
     """
 
     rows: Array
@@ -115,10 +115,10 @@ class Errand(NamedTuple):
     """A small instance: reach one box, then another, and avoid a wall in between.
 
     Attributes:
-        state: Where the robot is.
+        state: The position of the robot.
         first: The box to be in at one of the steps 1 and 2.
         second: The box to be in at one of the steps 2 and 3.
-        wall: What to avoid at the steps 1 and 2.
+        wall: The box to avoid at the steps 1 and 2.
         epsilon: The limit of the sum of the risks.
     """
 
@@ -246,7 +246,7 @@ def test_bids_are_the_least_risk_over_all_choices_of_60_instances() -> None:
 
 
 def check_energy(seed: int) -> float | None:
-    """Compare a plan with energy; returns by how much it costs more than the best, None if there is none."""
+    """Compare a plan with energy; return the excess of its cost over the best, None without a plan."""
     errand = Errand.drawn(seed)
     best = errand.best_with_energy()
     plan = planner(STEPS, energy=ENERGY).solve([errand.commitment()], Progress.beginning(errand.state))

@@ -1,4 +1,4 @@
-"""Robots auction what is offered by the risk that they would have; failures lead to another auction."""
+"""Robots auction offered specifications by their risk; failures lead to another auction."""
 
 from __future__ import annotations
 
