@@ -113,7 +113,7 @@ class SharedMap(MapPerception, GroupCommunicationReceiver):
             if not same:
                 self._heard[row, sender] = None
                 if is_first:
-                    said = f"cannot use the map of {ids[sender]}, whose cells differ"
+                    said = f"cannot use the map of {ids[sender]}, whose cells are others"
                     self.emit_for(row, "map-refused", said, level=Level.WARNING, other=ids[sender])
             elif before is None or before.time <= delivery.sent_time:
                 self._heard[row, sender] = Evidence(delivery.sent_time, cells, odds)

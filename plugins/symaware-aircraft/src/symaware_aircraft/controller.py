@@ -241,7 +241,7 @@ class ScenarioTreeMPC(Component):
             )
 
         if self.parameters.avoid and value.nearest < self.parameters.separation * (1.0 - _TOLERANCE):
-            text = f"{value.nearest:.4g} m from another aircraft, {self.parameters.separation:.4g} m are to be kept"
+            text = f"{value.nearest:.4g} m from somebody, {self.parameters.separation:.4g} m are to be kept"
             self.emit("too-close", text, level=Level.ERROR, distance=value.nearest)
 
     def _alternatives(self, state: Array, rest: Plan, safe: _Safe) -> Iterator[Plan]:

@@ -442,13 +442,13 @@ class BarrierController(CommunicationReceiver):
         elif number - of_round <= self.parameters.patience:
             if id in self._silent:
                 self._silent.discard(id)
-                self.emit("heard-again", f"messages of {id} arrive again", neighbour=id)
+                self.emit("heard-again", f"{id} is heard again", neighbour=id)
             return value
         if id not in self._silent and number - of_round > self.parameters.patience:
             self._silent.add(id)
             tasks = self._names_in_force(id)
             since = of_round * self.parameters.sampling
-            text = f"no messages of {id} since {since:g} s; tasks with it: {', '.join(tasks) or 'none at present'}"
+            text = f"{id} is not heard since {since:g} s; tasks with it: {', '.join(tasks) or 'none at present'}"
             self.emit(event, text, level=Level.WARNING, neighbour=id, since=since, tasks=tasks)
         return None
 

@@ -33,7 +33,7 @@ class IntentTracking(Component):
     where it turns, and catches up. Put it after `warehouse.plan`. Without an intent the robot stands still.
     """
 
-    signals = (Signal("tracking", columns=[Quantity("error", "m")], description="distance of the robot from its plan"),)
+    signals = (Signal("tracking", columns=[Quantity("error", "m")], description="how far the robot is from its plan"),)
 
     class Parameters(Parameters):
         """The feedback."""
