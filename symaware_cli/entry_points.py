@@ -40,7 +40,7 @@ class PluginError(Exception):
 
     Attributes:
         code: A stable identifier for tools.
-        expected: What is valid there.
+        expected: A description of valid values.
         suggestion: The nearest valid name.
     """
 
@@ -61,7 +61,7 @@ class EntryPoint(NamedTuple):
     Attributes:
         group: Its group, such as ``symaware.components``.
         name: Its name.
-        value: What it refers to, as ``module:Class``.
+        value: The object that it refers to, as ``module:Class``.
         package: The name of the distribution; ``unknown`` if its metadata does not have one.
         version: The version of the distribution; empty if its metadata does not have one.
     """
@@ -104,7 +104,7 @@ class Listing(NamedTuple):
         """Report that this plugin is left out.
 
         Args:
-            problem: Why, as a predicate.
+            problem: The reason, as a predicate.
         """
         warnings.warn(f"{self.origin} {problem}; it is left out", PluginWarning, stacklevel=2)
 
@@ -267,12 +267,12 @@ def _archived(file: str) -> Iterator[tuple[str, _Package]]:
 
 
 def _normal(name: str) -> str:
-    """A name of a distribution as all spell it (https://packaging.python.org/specifications/name-normalization)."""
+    """Return the normalized name of a distribution (https://packaging.python.org/specifications/name-normalization)."""
     return re.sub(r"[-_.]+", "-", name).lower()
 
 
 def _changed(folder: str) -> int | None:
-    """When a folder changed [ns]; None if there is none."""
+    """Return when a folder was last changed [ns]; None if it does not exist."""
     try:
         return os.stat(folder).st_mtime_ns
     except OSError:
@@ -284,7 +284,7 @@ Listings = Mapping[str, list[Listing]]
 
 
 def built_in(kind: str, group: str) -> Listings:
-    """Find the plugins of a kind that are part of this package; no other package is looked at.
+    """Find the plugins of a kind that are part of this package; no other package is searched.
 
     Args:
         kind: The kind.
@@ -294,7 +294,7 @@ def built_in(kind: str, group: str) -> Listings:
 
 
 def chosen(same: list[Listing]) -> Listing:
-    """Return the plugin of some with the same name.
+    """Return the only one of the plugins with a name.
 
     Raises:
         PluginError: There is more than one.

@@ -27,7 +27,7 @@ class HelpPlace(NamedTuple):
 
     Attributes:
         group: A key of `GROUPS`; another name is a group of its own, after these; empty for none.
-        order: Its position in the group; commands with the same are sorted by their names.
+        order: Its position in the group; commands at the same position are sorted by name.
     """
 
     group: str = ""
@@ -51,7 +51,7 @@ def in_help(group: str, order: int = 100) -> Callable[[Command], Command]:
 
     Args:
         group: ``run``, ``look``, ``check``, ``compare`` or ``author``; another name is a group of its own, after these.
-        order: Its position in the group; commands with the same are sorted by their names. Those of this package have
+        order: Its position in the group; commands at the same position are sorted by name. Those of this package have
             less than 100.
     """
 

@@ -1,4 +1,4 @@
-"""What a room lets others use: the names in its `__init__.pyi`, imported when they are first asked for.
+"""The interface of a room: the names in its `__init__.pyi`, imported on first use.
 
 Reasons: docs/decisions/0073-rooms.md
 """

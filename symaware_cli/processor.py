@@ -74,7 +74,7 @@ def pin() -> None:
 
 
 def environment() -> dict[str, str]:
-    """The variables for a process that is to compute exactly as this one does, whether it is as it should be or not."""
+    """The variables with which another process computes exactly as this one does, even if this one is not pinned."""
     found = dict(os.environ)
     kernels = numpy_kernels()
     if kernels is not None and "NPY_ENABLE_CPU_FEATURES" not in found and "NPY_DISABLE_CPU_FEATURES" not in found:
@@ -93,16 +93,16 @@ VARIABLES = (
     "OMP_NUM_THREADS",
     "GLIBC_TUNABLES",
 )
-"""The variables that choose among kernels, as far as they are known here."""
+"""The names of the known variables that select kernels."""
 
 
 def variables() -> dict[str, str]:
-    """Those of the variables that choose among kernels with which a process computes as this one does."""
+    """The variables of `VARIABLES` with which another process computes as this one does."""
     return {name: value for name, value in environment().items() if name in VARIABLES}
 
 
 def emulated(wanted: str) -> dict[str, str]:
-    """The variables that let a process compute as on a processor of a lower level, as far as this one can do that.
+    """The variables with which a process computes as on a processor of a lower level, as far as this one can.
 
     Args:
         wanted: ``x86-64-v3``, or ``x86-64-v2``, which has neither AVX2 nor fused multiplication and addition (FMA).
@@ -128,9 +128,9 @@ def _groups_of_v3() -> list[str]:
 
 
 def avx512_groups() -> list[str]:
-    """The groups of AVX-512 kernels that NumPy, as it is installed, would take on this processor.
+    """The groups of AVX-512 kernels that the installed NumPy would select on this processor.
 
-    It warns of those that it does not know, or that the processor does not have.
+    No others are returned, because NumPy warns of groups that it does not know or that the processor lacks.
     """
     flags = _flags()
     if not any(flag.startswith("avx512") for flag in flags):
@@ -140,13 +140,13 @@ def avx512_groups() -> list[str]:
 
 
 def level() -> str | None:
-    """The highest level of x86-64 that the processor has; None where that is not known."""
+    """The highest level of x86-64 that the processor has; None if unknown."""
     reached = [name for name in _LEVELS if _flags() >= _needed(name)]
     return reached[-1] if reached else None
 
 
 def in_force() -> dict[str, str]:
-    """What computes, by name: the processor, NumPy's kernels, BLAS, the C library, and whether that was pinned."""
+    """The factors in numerical results, by name: processor, NumPy's kernels, BLAS, C library, and whether pinned."""
     kernels = numpy_kernels()
     return {
         "Processor": " ".join(filter(None, (_info().get("model name"), level() and f"({level()})"))) or "unknown",
@@ -158,9 +158,9 @@ def in_force() -> dict[str, str]:
 
 
 def shortfall() -> str | None:
-    """Why results may differ in their last bits on another processor of the level; None where they do not.
+    """Why results may differ in their last bits on another processor of the level; None if they do not.
 
-    Of processors below the level, and others than x86-64, nothing is promised.
+    Equal results are promised neither on processors below the level nor on architectures other than x86-64.
     """
     if not _promised():
         return None
@@ -170,7 +170,7 @@ def shortfall() -> str | None:
     what += [f"OpenBLAS uses its kernel {' '.join(others)}"] if others else []
     if not what:
         return None
-    why = "the environment says so, or NumPy was imported before symaware_cli"
+    why = "set by the environment, or NumPy was imported before symaware_cli"
     return f"{' and '.join(what)} ({why}): on another processor results may differ in their last bits"
 
 
@@ -193,7 +193,7 @@ def _promised() -> bool:
 
 
 def numpy_kernels() -> list[str] | None:
-    """The groups of kernels beyond its baseline that NumPy uses; None where it is not imported, or does not tell."""
+    """The groups of kernels beyond its baseline that NumPy uses; None if it is not imported or does not report them."""
     multiarray = sys.modules.get("numpy._core._multiarray_umath")
     try:
         return [name for name in multiarray.__cpu_dispatch__ if multiarray.__cpu_features__[name]]  # type: ignore[union-attr]
@@ -202,13 +202,13 @@ def numpy_kernels() -> list[str] | None:
 
 
 class Blas:
-    """An OpenBLAS that was loaded.
+    """A loaded OpenBLAS library.
 
     Attributes:
-        kernel: For which processor its kernels are, such as ``Haswell``.
-        version: Its version; empty where it does not tell.
-        threads: How many it may use.
-        dynamic: Whether it chose its kernel by the processor; CasADi's was built for one, and is the same everywhere.
+        kernel: The processor that its kernels are for, such as ``Haswell``.
+        version: Its version; empty if unknown.
+        threads: The number of threads that it may use.
+        dynamic: Whether it selected its kernel by the processor; CasADi's is built with a single one.
     """
 
     def __init__(self, kernel: str, version: str, threads: int, dynamic: bool = True) -> None:
@@ -222,13 +222,13 @@ class Blas:
 
 
 def blas() -> list[Blas]:
-    """Every OpenBLAS that this process has loaded; none where that cannot be told."""
+    """Each OpenBLAS that this process has loaded; empty if that is unknown."""
     return [_opened(path) for path in _loaded("openblas")]
 
 
 @cache
 def _opened(path: str) -> Blas:
-    """Ask a library, whose functions have other names in the wheels of NumPy and SciPy than elsewhere."""
+    """Query a library; its functions have other names in the wheels of NumPy and SciPy than elsewhere."""
     import ctypes
 
     library = ctypes.CDLL(path)
@@ -251,7 +251,7 @@ def _opened(path: str) -> Blas:
 
 
 def _loaded(name: str) -> list[str]:
-    """The libraries in memory with a name like this, as Linux lists them."""
+    """The paths of the loaded libraries whose file names contain a name, as listed by Linux."""
     try:
         with open("/proc/self/maps") as maps:
             paths = {line.rstrip("\n").partition("/")[2] for line in maps if name in line}
@@ -271,7 +271,7 @@ def _c_library() -> str:
 
 @cache
 def _info() -> dict[str, str]:
-    """What Linux says of the first processor."""
+    """The entries of the first processor in /proc/cpuinfo."""
     try:
         with open("/proc/cpuinfo") as lines:
             return dict(_entries(lines))
@@ -303,7 +303,7 @@ def _needed(name: str) -> set[str]:
 
 
 def _numpy_version() -> tuple[int, int]:
-    """Major and minor version of the NumPy that would be imported; the latest known where that cannot be told."""
+    """Major and minor version of the NumPy that would be imported; the latest known one if undetermined."""
     loaded = sys.modules.get("numpy")
     text = getattr(loaded, "__version__", None) or _version_on_path()
     major, _, rest = text.partition(".")

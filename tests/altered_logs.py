@@ -21,11 +21,11 @@ def altered(
 
     Args:
         log: The log.
-        path: Where.
+        path: The path of the new log.
         message: Returns the data of each message; None to leave it out.
         attachment: Returns the content of each attachment.
         outcome: Returns the outcome.
-        metadata: Returns what each channel says of its columns.
+        metadata: Returns the metadata of each channel about columns.
     """
     there = open_log(log)
     with LogWriter(path) as writer:

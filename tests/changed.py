@@ -1,9 +1,8 @@
-"""Which test modules concern what changed, for developers: `pytest --changed [COMMIT]`.
+"""The test modules that concern a change, for developers: `pytest --changed [COMMIT]`.
 
 A module of tests concerns a changed file if it, or a module that it imports, however indirectly, is that file; if it
 names the file, or is named after it; or if it names an entry point, such as `perception.range`, that leads there. Names
-of rooms are followed to the module that defines them. What a test reaches in other ways is not seen: the gate runs all
-tests.
+of rooms are followed to the module that defines them. Other dependencies are not detected: the gate runs all tests.
 """
 
 import ast
@@ -52,7 +51,7 @@ def concerned(test: Path, files: frozenset[Path]) -> bool:
 
 @cache
 def _reached_or_named(test: Path) -> frozenset[Path]:
-    """What a module of tests imports, and what is imported where the entry points lead that it names."""
+    """The imports of a module of tests, with those of the targets of the entry points that it names."""
     text = test.read_text(encoding="utf-8")
     named = {path for name, path in entry_points().items() if name in text}
     return reached(test).union(*map(reached, named))
@@ -119,7 +118,7 @@ def located(module: str) -> Path | None:
 
 @cache
 def entry_points() -> Mapping[str, Path]:
-    """The module that each entry point of the package leads to, by its name, where the name has several parts."""
+    """The target module of each entry point of the package with a name of several parts."""
     text = (TOP / "pyproject.toml").read_text(encoding="utf-8")
     found = re.findall(r'^"?([\w.-]+)"? = "([\w.]+):\w+"$', text, re.MULTILINE)
     return {name: path for name, module in found if re.search(r"[.-]", name) if (path := located(module)) is not None}

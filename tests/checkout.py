@@ -1,4 +1,4 @@
-"""The checkout whose tests these are."""
+"""The checkout that contains these tests."""
 
 from pathlib import Path
 

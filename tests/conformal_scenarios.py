@@ -1,4 +1,4 @@
-"""Scenarios whose agents watch others that move at random, and tables of the errors of their predictions."""
+"""Scenarios with agents that watch others that move at random, and tables of the errors of their predictions."""
 
 from pathlib import Path
 from typing import Any

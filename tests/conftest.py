@@ -1,4 +1,4 @@
-"""What tests of every folder share: the command in a process of its own, and plugins installed for one test."""
+"""Fixtures for tests of every folder: the command in a separate process, and plugins installed for one test."""
 
 import ctypes
 import os
@@ -30,13 +30,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make Ctrl-C count, which what runs in the background of a shell may ignore; tell short tests from long ones."""
+    """Enable Ctrl-C, which background jobs of a shell may ignore; distinguish short tests from long ones."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     durations.register(config)
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave out what does not concern a change and, in a copy of the package without a feature, what uses it."""
+    """Leave out tests that a change does not concern and, in a copy without a feature, those that use it."""
     if changed.leaves_out(config, collection_path):
         return True
     if without_pybullet():
@@ -49,7 +49,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Leave out, in such a copy, what is about scenarios that use it."""
+    """Leave out, in such a copy, tests about scenarios that use the feature."""
     if missing():
         items[:] = [item for item in items if not item_uses_missing(item)]
     if without_pybullet():
@@ -63,7 +63,7 @@ settings.load_profile("symaware")
 
 @pytest.fixture
 def process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
-    """Run `symaware ARGUMENTS` to its end in a process of its own, in an empty folder that becomes the present one."""
+    """Run `symaware ARGUMENTS` to its end in a separate process, in an empty folder that becomes the present one."""
     monkeypatch.chdir(tmp_path)
 
     def run(*arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:

@@ -11,7 +11,7 @@ DOCUMENT = Path(__file__).parents[1] / "docs" / "plugins.md"
 
 
 def shown(language: str, beginning: str) -> str:
-    """The block of the document that begins so."""
+    """The block of the document with a given beginning."""
     found = re.findall(rf"(?ms)^```{language}\n({re.escape(beginning)}.*?)^```$", DOCUMENT.read_text(encoding="utf-8"))
     assert len(found) == 1
     return str(found[0])
@@ -38,7 +38,7 @@ def install(folder: Path, modules: Mapping[str, str], points: Mapping[str, str],
 
 
 def command(folder: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
-    """What runs a command in a folder, with the plugin that is installed there or without it."""
+    """Return a function that runs a command in a folder, with or without the plugin installed there."""
 
     def run(*arguments: object, plugin: bool = True, status: int = 0) -> subprocess.CompletedProcess[str]:
         environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}

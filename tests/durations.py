@@ -1,4 +1,4 @@
-"""How long tests take, and which of them are `long`: those that `durations.tsv` lists.
+"""The durations of tests, and the `long` ones, which are listed in `durations.tsv`.
 
     pytest -n auto -m '' --record-durations            write the list anew, for the files whose tests ran
     pytest --limit SECONDS                             fail if a test that is not listed takes longer
@@ -53,7 +53,7 @@ def listed() -> dict[str, float]:
 
 
 class Durations:
-    """Pytest's hooks; one object for the processes that run tests, and for the one that hears of them.
+    """Pytest's hooks; one object for the processes that run tests, and for the one that gets their reports.
 
     Attributes:
         seconds: The duration of each test that has run.

@@ -1,4 +1,4 @@
-"""What tests of exports share: the formats of this package, and what they write."""
+"""Functions for tests of exports: the formats of this package, and their output."""
 
 import os
 from collections.abc import Callable

@@ -16,7 +16,7 @@ def fault(
 
     Args:
         kind: Its class.
-        written: What would be written under its key; by default the text ``*``.
+        written: The content under its key; by default the text ``*``.
         at: The step at which it begins.
         lasting: The number of steps that it lasts; None for the rest of the run.
         name: Its name.

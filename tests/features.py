@@ -1,4 +1,4 @@
-"""Which features a test uses, so that copies without some of them run the tests of all others (`.ci/removals`).
+"""The features that a test uses, so that copies without some of them run the tests of all others (`.ci/removals`).
 
 PyBullet is one more: from Python 3.12 on it has no wheels, so the tests that need it are left out there.
 """
@@ -55,7 +55,7 @@ def missing() -> frozenset[str]:
 
 @cache
 def words() -> re.Pattern[str] | None:
-    """What names something that is missing: modules, plugins, verbs, names of the public interface."""
+    """The names of missing modules, plugins, verbs and names of the public interface."""
     if not missing():
         return None
     found = {re.escape(module) for module in missing()}

@@ -36,12 +36,12 @@ def random_formula(
     limits: bool = True,
     nexts: bool = True,
 ) -> Formula:
-    """A formula of at most so many operators above each other.
+    """A formula with a greatest depth of nested operators.
 
     Args:
         generator: Draws it.
-        depth: How many.
-        widest: How far windows begin, and how many instants they have, at most.
+        depth: The greatest depth.
+        widest: The greatest beginning of windows, and their greatest number of instants.
         past: Whether operators look back, too.
         unbounded: Whether windows may have no end.
         constants: Whether there are constants.
@@ -102,11 +102,11 @@ def random_samples(generator: np.random.Generator, instants: int, rows: int) -> 
 
 
 def random_text(generator: np.random.Generator, depth: int, predicates: Sequence[str], *, windows: bool = True) -> str:
-    """The text of a formula of at most so many operators above each other, in brackets throughout.
+    """The text of a formula with a greatest depth of nested operators, in brackets throughout.
 
     Args:
         generator: Draws it.
-        depth: How many.
+        depth: The greatest depth.
         predicates: The texts of the predicates.
         windows: Whether operators have windows, of up to 0.5 s, and look back.
     """

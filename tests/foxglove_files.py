@@ -1,4 +1,4 @@
-"""What Foxglove is given, decoded with the schemas in the file."""
+"""Exports for Foxglove, decoded with the schemas in the file."""
 
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,7 @@
 """A member written from docs/wire.md alone: sockets, the messages of transport.proto, and no part of the package.
 
 `python independent_member.py TRANSPORT_PB2 HOST:PORT DIGEST VERSION KEY AGENT GOAL...` runs one agent of a group of
-single integrators, which goes to its goal. KEY is hexadecimal, or empty. Prints what became of the run, as JSON.
+single integrators, which goes to its goal. KEY is hexadecimal, or empty. Prints the outcome of the run, as JSON.
 """
 
 import hashlib
@@ -137,7 +137,7 @@ def main(module: str, address: str, digest: str, version: str, key: str, agent: 
 def take_part(
     wire: Any, host: Wire, digest: str, version: str, agent: str, group: str, row: int, goal: Sequence[float]
 ) -> dict[str, Any]:
-    """Run the agent until the host says that it is over."""
+    """Run the agent until the host reports the end."""
 
     def say(**content: Any) -> None:
         host.say(FRAME, wire.Frame(**content).SerializeToString())

@@ -1,6 +1,6 @@
-"""What a test may leave behind in its process: descriptors, threads, memory.
+"""Resources that a test may leave behind in its process: descriptors, threads, memory.
 
-What an earlier test left may vanish between two counts, so a test asserts that there is no more than before.
+Resources of an earlier test may vanish between two counts, so a test asserts that there are no more than before.
 """
 
 import gc
@@ -11,12 +11,12 @@ from pathlib import Path
 
 
 def descriptors() -> int:
-    """How many files and sockets this process has open."""
+    """The number of open files and sockets of this process."""
     return len(os.listdir("/proc/self/fd"))
 
 
 def tasks() -> int:
-    """How many threads this process has, those of libraries included."""
+    """The number of threads of this process, including those of libraries."""
     return len(os.listdir("/proc/self/task"))
 
 
@@ -26,20 +26,20 @@ def threads() -> list[str]:
 
 
 def resident() -> int:
-    """How much memory this process has [bytes]."""
+    """The memory of this process [bytes]."""
     return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
 
 
 def grows_forever(action: Callable[[], object], repeats: int, each: int) -> bool:
     """Whether the memory of this process never stops growing while an action is repeated.
 
-    What leaks grows in every round. An allocator takes a few large pieces more, early on some machines and late on
-    others, and then none, so there is no leak as soon as three rounds in a row need next to nothing.
+    A leak grows in every round. An allocator takes a few large pieces more, early on some machines and late on others,
+    and then none, so there is no leak as soon as three rounds in a row need next to nothing.
 
     Args:
-        action: What may leak.
-        repeats: How often it is done in a round.
-        each: What a repeat must leave behind to be called a leak [bytes].
+        action: The action that may leak.
+        repeats: The number of repeats in a round.
+        each: The memory that a repeat must leave behind to count as a leak [bytes].
     """
     held = [resident()]
     for _ in range(15):

@@ -1,4 +1,4 @@
-"""Random convex pieces, and how far they are apart by a way of its own, for the tests of geometry and contacts."""
+"""Random convex pieces, and an independent computation of distances, for tests of geometry and contacts."""
 
 from collections.abc import Sequence
 

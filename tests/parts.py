@@ -21,7 +21,7 @@ _FLUSH_INTERVAL = 250_000_000
 
 
 def of_rows(message: LogMessage, wanted: Sequence[int], count: int) -> bytes | None:
-    """What a message of a group of `count` says of some rows; None if nothing."""
+    """The content of a message of a group of `count` about some rows; None without any."""
     content = message.decode()
     if isinstance(content, others_message.Awareness) and content.world:
         return message.data
@@ -99,11 +99,11 @@ def write_part(
 
     Args:
         log: The log of the whole run.
-        path: Where.
-        name: What the process is called.
-        agents: Who runs there.
-        host: Whether it is the host, which records what is true.
-        keep: Which messages it records beside those of its agents; by default the host all, and a member events,
+        path: The path of the part.
+        name: The name of the process.
+        agents: The agents that run there.
+        host: Whether it is the host, which records true states.
+        keep: The messages that it records beside those of its agents; by default the host all, and a member events,
             contacts, messages and the speed of its machine.
         start: The first simulated time, ns.
         until: The first simulated time that is not recorded any more, ns.
@@ -161,7 +161,7 @@ def split(path: Path, folder: Path, shares: Mapping[str, Sequence[str]]) -> list
 
 
 def contents(log: Log) -> dict[str, Counter[Any]]:
-    """What every channel but /timing says: of a group, what is said of each row; otherwise the messages."""
+    """The content of every channel except /timing: of a group by rows, otherwise the messages."""
     found: defaultdict[str, Counter[Any]] = defaultdict(Counter)
     for topic in log.channels:
         found[topic].update()

@@ -1,4 +1,4 @@
-"""Runs in which agents plan paths: their logs, what planners said, and whether they go on from captured states."""
+"""Runs in which agents plan paths: logs, events of planners, and continuation from captured states."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ def run(room: Path, name: str = "log") -> sa.Log:
 
 
 def names(log: sa.Log, agent: str) -> list[str]:
-    """Return the events of an agent, but for the waypoints that it passes."""
+    """Return the events of an agent, except those of passed waypoints."""
     return [
         event.name
         for event in log.events()
@@ -23,7 +23,7 @@ def names(log: sa.Log, agent: str) -> list[str]:
 
 
 def check_capture(room: Path, steps: int) -> None:
-    """Check that a run goes on for some steps from a state that was captured after 20 as if it had not been."""
+    """Check that a run continues equally for some steps from a state that was captured after 20."""
     scenario = sa.load(room / "scenario.yaml")
     with scenario.start() as simulation:
         simulation.step(20)

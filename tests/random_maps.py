@@ -1,4 +1,4 @@
-"""Random maps for tests of planners, and what shapely makes of them."""
+"""Random maps for tests of planners, and computations on them by shapely."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""What .rrd files and pictures of the viewer hold, and logs of our own making to show."""
+"""The content of .rrd files and pictures of the viewer, and artificial logs to show."""
 
 import io
 import json
@@ -58,7 +58,7 @@ class Recording:
 
     @property
     def rows(self) -> Mapping[tuple[str, str], Sequence[tuple[int | None, list[Any] | None]]]:
-        """By entity and component: time [ns] and what was logged."""
+        """By entity and component: time [ns] and the logged value."""
         return self._rows
 
     def times(self, entity: str, component: str) -> list[int]:
@@ -74,7 +74,7 @@ class Recording:
 def saved(
     log: Log | Path, folder: Path, agents: Sequence[str] = (), against: Log | None = None, **window: Any
 ) -> Recording:
-    """Convert a log, and read what comes of it."""
+    """Convert a log, and read the result."""
     opened = log if isinstance(log, Log) else open_log(log)
     path = folder / "saved.rrd"
     replay_session(opened, agents, against=against, **window).save(path)
@@ -87,7 +87,7 @@ def pixels(png: bytes) -> np.ndarray:
 
 
 def coloured(picture: np.ndarray) -> int:
-    """How many pixels are neither black, grey nor white, as agents are and menus hardly."""
+    """The number of coloured pixels, which agents have, and menus hardly."""
     return int((np.ptp(picture, axis=-1) > 40).sum())
 
 
@@ -112,7 +112,8 @@ def group(
 
 
 class Script:
-    """A log written message by message, for what a run seldom makes; unless it is buffered, in the order of time."""
+    """A log written message by message, with content that is rare in runs; unless it is buffered, in the order of
+    time."""
 
     def __init__(
         self, path: Path, groups: Mapping[str, Any], entities: Mapping[str, Any] | None = None, buffered: bool = True

@@ -1,4 +1,4 @@
-"""A short log in which everything was measured that sensors measure."""
+"""A short log with measurements of all kinds of sensors."""
 
 from collections.abc import Callable
 from pathlib import Path

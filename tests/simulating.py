@@ -22,10 +22,10 @@ from symaware_cli.log.writer import LogWriter
 from symaware_cli.world.plugin import Plugin
 
 COMMAND = (sys.executable, "-P", "-m", "symaware_cli")
-"""What starts `symaware` in a process of its own; -P, so that no folder stands in for what is installed."""
+"""The command line of `symaware` in a separate process; -P, so that no folder shadows the installed package."""
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
-"""What the fixture `command` is."""
+"""The type of the fixture `command`."""
 
 STEP = 50_000_000
 """The time step of `simulation`, ns."""
@@ -40,19 +40,19 @@ def made(kind: type[Plugged], **parameters: Any) -> Plugged:
 
 
 def untyped(value: object) -> Any:
-    """What a test knows of a value is more than its type says: an attribute of the class behind it, say."""
+    """Return a value without its static type, for attributes of its class that the type lacks."""
     return value
 
 
 def present(value: Value | None) -> Value:
-    """What may be None elsewhere, but not here."""
+    """Return a value that is optional elsewhere, but not None here."""
     assert value is not None
     return value
 
 
 @dataclass
 class Team:
-    """A group to be: how many agents, what makes each of their components, and when these take their turns."""
+    """The definition of a group: the number of agents, and the factories and timing of their components."""
 
     components: Mapping[str, Callable[[], Component | GroupComponent]] = field(default_factory=dict)
     count: int | None = None

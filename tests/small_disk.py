@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 _NAMESPACE = ("unshare", "--map-root-user", "--mount")
-"""What lets an ordinary user mount something that nobody else sees."""
+"""The command by which an ordinary user can mount a file system in a private namespace."""
 
 
 def on_a_small_disk(
@@ -20,7 +20,7 @@ def on_a_small_disk(
         folder: An empty folder.
         line: The command.
         size: Of the file system.
-        then: What is done to the file system before, such as `mount -o remount,ro .`
+        then: A command for the file system before it is used, such as `mount -o remount,ro .`
     """
     mount = ["mount", "-t", "tmpfs", "-o", f"size={size}", "tmpfs", str(folder)]
     if (

@@ -23,10 +23,10 @@ from symaware_cli.processes.merging import merge
 from symaware_cli.processes.process_log import open_process_logs
 
 PATIENCE = 180
-"""So long a test waits for what should happen soon, s."""
+"""The longest wait of a test for an event that should happen soon [s]."""
 
 GATHERING = frozenset({"started", "finished", "waiting", "joined", "lost", "rejoined", "restored", "not-restored"})
-"""The events that tell who took part and until when."""
+"""The events about the membership of processes."""
 
 
 TALK: dict[str, Any] = {
@@ -162,13 +162,13 @@ class Process:
 
     @property
     def memory(self) -> int:
-        """What it has in memory, bytes; 0 if it is over."""
+        """Its memory [bytes]; 0 if it has ended."""
         status = Path(f"/proc/{self._popen.pid}/status").read_text()
         return sum(int(line.split()[1]) * 1024 for line in status.splitlines() if line.startswith("VmRSS:"))
 
     @property
     def text(self) -> str:
-        """All that it said to people."""
+        """All of its output to the standard error stream."""
         return "\n".join(self.said)
 
 
@@ -233,7 +233,7 @@ def alone(folder: Path, scenario: Path, *arguments: object) -> Log:
 
 
 def differences(log: Log, other: Log) -> dict[str, tuple[Counter[Any], Counter[Any]]]:
-    """What each topic of either log says that the other does not, but for who took part and how fast they were.
+    """The content of each topic that only one of two logs has, except membership and speed.
 
     Messages are compared one by one: in columns, those of a group stand together as far as they come from one process.
     Of an agent it does not count how often the same is said: if one changes, others of its group may be told of again.

@@ -1,4 +1,4 @@
-"""What tests of sweeps share: scenarios that run in milliseconds, and the command in a process of its own."""
+"""Functions for tests of sweeps: scenarios that run in milliseconds, and the command in this process."""
 
 from __future__ import annotations
 

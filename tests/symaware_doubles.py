@@ -1,4 +1,4 @@
-"""Plugins for tests: components that misbehave in every way we fear."""
+"""Plugins for tests: components that misbehave in many ways."""
 
 import contextlib
 import ctypes
@@ -147,7 +147,7 @@ class Fault(Component):
 
 
 class UnprintableError(Exception):
-    """Cannot even be put into words."""
+    """Cannot be converted to text."""
 
     def __str__(self) -> str:
         raise RuntimeError("no words")
@@ -167,7 +167,7 @@ class Progress(Idle):
 
     @classmethod
     def read(cls, path: Path) -> list[tuple[float, int]]:
-        """What was written, but for a record that was cut off."""
+        """The written records, without a truncated one."""
         data = path.read_bytes() if path.exists() else b""
         return list(cls.RECORD.iter_unpack(data[: len(data) // cls.RECORD.size * cls.RECORD.size]))
 
@@ -209,7 +209,7 @@ class Endless(Idle):
 
 
 class Stubborn(Idle):
-    """Catches whatever is thrown at it, as careless code does."""
+    """Catches all exceptions, as careless code does."""
 
     def _update(self, value: Any) -> None:
         try:
@@ -309,7 +309,7 @@ class FaultyWorld(KinematicEnvironment):
 
 
 class Odd(Component):
-    """Says what no protocol has a form for."""
+    """Sends values that no protocol supports."""
 
     class Parameters(Parameters):
         """Where."""
@@ -328,7 +328,7 @@ class Odd(Component):
 
 
 class Ear(CommunicationReceiver):
-    """Tells what it heard, in order."""
+    """Fires an event for each message that it receives, in order."""
 
     def _update(self, value: Sequence[Message]) -> None:
         for each in value:
@@ -336,7 +336,7 @@ class Ear(CommunicationReceiver):
 
 
 class Ears(GroupCommunicationReceiver):
-    """Tells what all of its group heard, in order."""
+    """Fires an event for each message that its group receives, in order."""
 
     kinds = ("state", "broadcast")
 
@@ -532,7 +532,7 @@ class Unruly(GroupComponent):
 
 
 class Outsider(Controller):
-    """Drives as fast as something outside of the run says: a file, if there is one, or chance that has no seed."""
+    """Drives at a speed from outside of the run: from a file, if there is one, or drawn without a seed."""
 
     class Parameters(Parameters):
         """Where the speeds come from."""

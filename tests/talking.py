@@ -1,4 +1,4 @@
-"""A run of agents who talk, of which tests see all that happens."""
+"""A run of agents that exchange messages, with all events for tests."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Self, TypeVar

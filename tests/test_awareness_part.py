@@ -40,7 +40,7 @@ def test_the_plugin_is_one_file_of_less_than_sixty_lines(folder: Path) -> None:
     ]
 
 
-def test_the_log_has_the_part_and_says_what_it_is(log: Path) -> None:
+def test_the_log_has_the_part_with_its_declaration(log: Path) -> None:
     series = open_log(log).series("robot", "attention")
     assert series.columns == ("ahead", "left", "behind", "right")
     assert series.values.shape == (160, 3, 4)
@@ -49,7 +49,7 @@ def test_the_log_has_the_part_and_says_what_it_is(log: Path) -> None:
     assert (part.kind, part.drawn, part.description) == ("vector", "bars", "share of each side")
 
 
-def test_a_component_that_writes_it_may_compute_in_a_process_of_its_own(
+def test_a_component_that_writes_the_part_may_compute_in_a_separate_process(
     log: Path, folder: Path, symaware: Command
 ) -> None:
     here = folder / "here.mcap"
@@ -60,13 +60,13 @@ def test_a_component_that_writes_it_may_compute_in_a_process_of_its_own(
     assert one.tobytes() == other.tobytes()
 
 
-def test_it_is_told_along_and_found_in_what_is_known_of_others(log: Path) -> None:
+def test_the_part_is_sent_with_awareness_and_found_in_beliefs_about_others(log: Path) -> None:
     told = next(each for each in open_log(log).communications() if each.payload)
     assert len(told.payload["awareness"]["attention"]) == 4
     assert any(event.name == "inattentive" for event in open_log(log).events())
 
 
-def test_a_condition_and_an_end_look_at_it(folder: Path, symaware: Command) -> None:
+def test_a_condition_and_the_end_of_a_run_may_refer_to_the_part(folder: Path, symaware: Command) -> None:
     condition = "agents.robot.components.steer.condition=attention[3] < 0"
     symaware("run", "attention.yaml", "--quiet", "--output", folder / "still.mcap", "--set", condition)
     assert not open_log(folder / "still.mcap").series("robot", "applied_control").values.any()
@@ -84,7 +84,7 @@ def test_a_name_that_is_nearly_that_of_the_part_is_found_out(symaware: Command) 
     assert "did you mean `attention`?" in done.stderr
 
 
-def test_whoever_has_the_log_alone_inspects_exports_plots_and_replays_it(
+def test_the_log_alone_suffices_to_inspect_export_plot_and_replay_it(
     log: Path, folder: Path, symaware: Command
 ) -> None:
     shown = symaware("log", "series", log, "robot.0:attention:ahead", plugin=False)
@@ -123,6 +123,6 @@ def test_it_can_be_left_out_of_the_log(folder: Path, symaware: Command) -> None:
     assert "did you mean `attention`?" in done.stderr
 
 
-def test_the_editor_knows_the_part(symaware: Command) -> None:
+def test_the_schema_for_editors_has_the_part(symaware: Command) -> None:
     schema = json.loads(symaware("schema").stdout)
     assert "attention" in schema["$defs"]["Recording"]["properties"]["omit"]["items"]["enum"]

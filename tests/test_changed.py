@@ -1,4 +1,4 @@
-"""`pytest --changed` leaves out no test that concerns a change, as far as imports and names show it."""
+"""`pytest --changed` runs every test that concerns a change, as far as imports and names show."""
 
 import pytest
 from changed import TESTS, concerned, located

@@ -56,7 +56,7 @@ def test_each_command_exists_with_its_options(file: Path) -> None:
             assert result.partition(":")[0] in ("junit", "sarif")
 
 
-def test_the_examples_name_scenarios_that_are_there() -> None:
+def test_the_examples_name_existing_scenarios() -> None:
     named = {name for file in FILES for text in commands(file) for name in re.findall(r"scenarios/\S+", text)}
     assert named
     assert all((CHECKOUT / name).is_file() for name in named)

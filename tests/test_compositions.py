@@ -1,4 +1,4 @@
-"""Scenarios composed at random keep every promise of the documentation; the tool that says so can find and shrink."""
+"""Random compositions satisfy the documented invariants; the tool finds and shrinks violations."""
 
 import json
 from pathlib import Path
@@ -167,7 +167,7 @@ def test_valid_scenarios_have_most_of_the_language(tmp_path: Path) -> None:
     assert lacking() == {}
 
 
-def test_a_word_of_the_language_is_found_wherever_it_stands() -> None:
+def test_a_word_of_the_language_is_found_at_every_place() -> None:
     schema = scenario_schema(built_in_only=True)[0]
     words = words_of(
         {
@@ -207,7 +207,7 @@ def test_a_scenario_is_shrunk_to_what_breaks() -> None:
     assert shrunk(SMALL, breaks) == {"agents": {"car": {"state": {}, "components": {"see": {}}}}}
 
 
-def test_what_does_not_apply_is_no_finding(tmp_path: Path) -> None:
+def test_an_invariant_that_does_not_apply_is_no_finding(tmp_path: Path) -> None:
     counts, findings = check(Subject({**SMALL, "recording": {"interval": 0.2}}, tmp_path, 1), ["checked"])
     assert not findings
     assert counts["checked skipped: not every step is recorded"] == 1

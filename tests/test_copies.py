@@ -1,4 +1,4 @@
-"""A scenario that was copied, into a log or a folder, is valid and runs as where it was, which may be gone."""
+"""A scenario that was copied into a log or a folder is valid and runs equally without the original."""
 
 import io
 from collections.abc import Callable

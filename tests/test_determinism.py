@@ -1,4 +1,4 @@
-"""Equal scenarios, equal logs; and what an agent does depends on nobody it has no business with."""
+"""Equal scenarios have equal logs, and an agent does not depend on unrelated ones."""
 
 import json
 import re
@@ -46,7 +46,7 @@ def test_another_seed_is_another_run(tmp_path: Path) -> None:
     assert assert_repeatable(scenario, short, seed=1).combined != assert_repeatable(scenario, short, seed=2).combined
 
 
-def test_a_run_that_does_not_finish_is_no_proof(tmp_path: Path, doubles: Path) -> None:
+def test_a_run_that_does_not_finish_proves_no_repeatability(tmp_path: Path, doubles: Path) -> None:
     crowd = crowd_with(fault={"use": "doubles.fault"})
     with pytest.raises(AssertionError, match=r"exited with 1: .*doubles.fault"):
         assert_repeatable(write(tmp_path / "fault.yaml", crowd))
@@ -66,7 +66,7 @@ def test_a_plugin_that_depends_on_chance_is_found_out_and_located(source: str, t
     assert "the first difference is at 0.25 s on /agents/robot/risk, robot.0 risk[0]: " in said
 
 
-def test_the_same_plugin_passes_where_it_depends_on_nothing(tmp_path: Path, doubles: Path) -> None:
+def test_the_same_plugin_passes_without_a_random_dependency(tmp_path: Path, doubles: Path) -> None:
     crowd = crowd_with(chance={"use": "doubles.chance", "with": {"source": "nothing"}})
     assert_repeatable(write(tmp_path / "chance.yaml", crowd), ["run.duration=0.5"])
 
@@ -113,7 +113,7 @@ def crowd_with(**components: Any) -> dict[str, Any]:
 
 @pytest.fixture
 def recorded(tmp_path: Path) -> Callable[..., Found]:
-    """Run a document and return what each agent did, saw and wanted, by its id: bytes that can be compared."""
+    """Run a document and return all recorded data of each agent, by id, as bytes that can be compared."""
 
     def run(document: Mapping[str, Any], name: str = "run") -> Found:
         summary = execute(build(write(tmp_path / f"{name}.yaml", document)), tmp_path / f"{name}.mcap")
@@ -124,7 +124,7 @@ def recorded(tmp_path: Path) -> Callable[..., Found]:
 
 
 def by_agent(log: Log) -> Found:
-    """For each agent and kind of data, all that was recorded of it, in order."""
+    """For each agent and kind of data, all of its records, in order."""
     found: dict[Any, Any] = {}
     roster = log.manifest["roster"]
     for group, content in log.manifest["groups"].items():
@@ -146,7 +146,7 @@ KINDS = ("state", "intent", "uncertainty", "risk", "control", "awareness", "know
 
 
 def rows(message: LogMessage, ids: Sequence[str], roster: Sequence[str]) -> Iterator[tuple[str, Any]]:
-    """What a message says of each agent."""
+    """The content of a message about each agent."""
     content = message.decode()
     kind = message.channel.schema.rpartition(".")[2]
     numbers = [int(row) for row in content.rows] if content.rows is not None else []
@@ -233,7 +233,7 @@ def test_the_order_of_components_that_do_not_read_each_other_changes_nothing_els
 
 
 def others_of(found: Found, ids: Collection[str]) -> Found:
-    """What was recorded of some agents only."""
+    """The records of some agents only."""
     return {key: value for key, value in found.items() if key[0] in ids}
 
 
@@ -246,16 +246,14 @@ def test_a_group_far_away_changes_nothing_about_the_others(name: str, recorded: 
 
 
 @pytest.mark.parametrize("count", [6, 11, 70])
-def test_more_agents_of_a_group_change_nothing_about_those_that_were_there(
-    count: int, recorded: Callable[..., Found]
-) -> None:
+def test_more_agents_of_a_group_do_not_change_the_others(count: int, recorded: Callable[..., Found]) -> None:
     few = recorded(CROWD)
     many = recorded(CROWD | {"agents": {"robot": ROBOT | {"count": count}, "car": CAR}}, "many")
     assert others_of(many, {id for id, _ in few}) == few
     assert len({id for id, _ in many if id.startswith("robot")}) == count
 
 
-def test_how_many_runs_were_made_in_a_process_changes_nothing(tmp_path: Path) -> None:
+def test_earlier_runs_in_a_process_do_not_change_a_run(tmp_path: Path) -> None:
     scenario = write(tmp_path / "crowd.yaml", CROWD)
     results = set()
     for number in range(3):
@@ -267,7 +265,7 @@ def test_how_many_runs_were_made_in_a_process_changes_nothing(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(("name", "count"), [("aaa", 3), ("zzz", 80)])
-def test_who_is_far_away_changes_nothing_for_who_perceives_estimates_and_avoids(
+def test_distant_agents_do_not_change_perception_estimation_and_avoidance(
     name: str, count: int, tmp_path: Path
 ) -> None:
     """With eighty more, neighbours are found by a tree and no longer by looking at all pairs."""

@@ -187,7 +187,7 @@ def test_only_durations_need_a_normal_distribution_with_a_lower_bound(place: str
         ({"uniform": [0.1, 1e10]}, "uniform", "a duration is at most 1e+09 s"),
     ],
 )
-def test_what_is_no_duration_is_refused_alike(
+def test_an_invalid_duration_is_refused_everywhere_in_the_same_way(
     content: dict[str, Any], inner: str, said: str, place: str, tmp_path: Path
 ) -> None:
     found = problem(tmp_path, PLACES[place], content)
@@ -210,12 +210,12 @@ def test_what_is_no_duration_is_refused_alike(
         ({"exponential": -0.1}, ".exponential", "is -0.1: the mean or median"),
         ({"choice": []}, ".choice", "is an empty list"),
         ({"choice": [0.1], "weights": [1, 2]}, ".weights", "there are 2 weights for 1 options"),
-        ({"uniform": [0.1, 0.3], "least": 0.2}, ".least", "goes with what has no ends"),
+        ({"uniform": [0.1, 0.3], "least": 0.2}, ".least", "is for distributions without ends"),
         ({"uniform": [0.1, 0.3], "weights": [1]}, ".weights", "weights go with `choice`"),
-        ({"normal": [-9, 0.1], "least": 0}, ".least", "leaves hardly anything of the distribution"),
+        ({"normal": [-9, 0.1], "least": 0}, ".least", "excludes nearly all of the distribution"),
     ],
 )
-def test_what_is_no_distribution_is_refused_alike(
+def test_an_invalid_distribution_is_refused_everywhere_in_the_same_way(
     content: dict[str, Any], inner: str, said: str, place: str, tmp_path: Path
 ) -> None:
     found = problem(tmp_path, PLACES[place], content)
@@ -226,7 +226,7 @@ def test_what_is_no_distribution_is_refused_alike(
 
 @pytest.mark.parametrize("place", PLACES)
 @pytest.mark.parametrize("content", [{"uniform": [0, 1], "exponential": 1}, {"uniform": [0, 1], "seed": 1}])
-def test_what_cannot_stand_beside_a_form_is_refused(content: dict[str, Any], place: str, tmp_path: Path) -> None:
+def test_keys_that_do_not_go_with_a_form_are_refused(content: dict[str, Any], place: str, tmp_path: Path) -> None:
     found = problem(tmp_path, PLACES[place], content)
     assert found.span is not None
     assert "exactly one of" in f"{found.message} {found.expected}" or "unknown key `seed`" in found.message

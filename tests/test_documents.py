@@ -1,4 +1,4 @@
-"""What the documents show is true: commands print what they are said to print, and snippets work."""
+"""The examples in documents are true: commands print the shown output, and snippets work."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ class Block(NamedTuple):
 
 
 class Command(NamedTuple):
-    """A command of a document, with what it is said to print and to exit with."""
+    """A command of a document, with its shown output and exit status."""
 
     text: str
     output: list[str]
@@ -252,7 +252,7 @@ def test_the_code_of_a_document_runs(document: Path, folder: Path, monkeypatch: 
 
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=ids)
-def test_a_link_leads_somewhere(document: Path) -> None:
+def test_every_link_has_a_target(document: Path) -> None:
     targets = re.findall(r"\]\(([^)#\s]+)[^)]*\)", document.read_text(encoding="utf-8"))
     missing = [target for target in targets if "://" not in target and not (document.parent / target).exists()]
     assert not missing

@@ -11,7 +11,7 @@ from checkout import CHECKOUT
 pytest_plugins = ["pytester"]
 
 
-def test_the_list_names_tests_that_there_are() -> None:
+def test_the_list_names_existing_tests() -> None:
     listed: dict[str, set[str]] = defaultdict(set)
     for name in durations.listed():
         file, _, function = name.partition("::")
@@ -99,7 +99,7 @@ def test_the_longest_come_first_and_those_that_are_slow_are_not_long(
     assert [item.name for item in items if item.get_closest_marker("long")] == ["test_c", "test_b"]
 
 
-def test_each_file_is_in_one_share_and_a_share_that_there_is_not_is_refused(pytester: pytest.Pytester) -> None:
+def test_each_file_is_in_one_share_and_an_unknown_share_is_refused(pytester: pytest.Pytester) -> None:
     pytester.makeconftest(
         "import durations\n"
         "def pytest_addoption(parser): durations.add_options(parser)\n"

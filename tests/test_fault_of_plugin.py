@@ -201,5 +201,5 @@ def test_a_branch_begins_with_another_one(symaware: Run, log: Path, outside: Pat
     ]
 
 
-def test_the_log_has_all_that_repeats_the_run(symaware: Run, log: Path) -> None:
+def test_the_log_alone_suffices_to_repeat_the_run(symaware: Run, log: Path) -> None:
     symaware("verify", log.name)

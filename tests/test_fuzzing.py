@@ -30,7 +30,7 @@ KINDS = {
 
 
 @pytest.mark.parametrize("name", [name for name in target_names() if any((CORPUS / name).glob("*"))])
-def test_what_was_found_once_is_found_no_more(name: str) -> None:
+def test_earlier_findings_stay_fixed(name: str) -> None:
     tried = list(replay(name, sorted((CORPUS / name).glob("*"))))
     assert [(path.name, result.found) for path, result in tried if result.found] == []
 
@@ -67,7 +67,7 @@ def test_cases_depend_on_nothing_but_their_seed(name: str, tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("content", KINDS)
-def test_a_worker_survives_and_tells_of(content: str, tmp_path: Path) -> None:
+def test_a_worker_survives_and_reports(content: str, tmp_path: Path) -> None:
     files = [tmp_path / f"{number}" for number in range(3)]
     for path, word in zip(files, ("fine", content, "fine"), strict=True):
         path.write_text(word)
@@ -85,7 +85,7 @@ def pursued(state: Any, **options: Any) -> Any:
     return state
 
 
-def test_a_campaign_goes_on_where_it_was_and_does_the_same_cases(tmp_path: Path) -> None:
+def test_a_campaign_continues_with_the_same_cases(tmp_path: Path) -> None:
     at_once = pursued(State.load(tmp_path / "a", 3))
     for cases in (1, 5, 12):
         in_parts = pursued(State.load(tmp_path / "b", 3), cases=cases, jobs=1)
@@ -108,7 +108,7 @@ def test_cases_that_were_not_done_come_first(tmp_path: Path) -> None:
     assert (again.next, again.pending) == (4, [])
 
 
-def test_ctrl_c_leaves_no_process_and_loses_nothing(tmp_path: Path) -> None:
+def test_ctrl_c_leaves_no_process_and_loses_no_case(tmp_path: Path) -> None:
     line: list[str | Path] = [sys.executable, "-m", "fuzzing", "--target", "logs", "--state", tmp_path / "state", "5"]
     process = subprocess.Popen(
         line, cwd=ROOT, stdout=subprocess.PIPE, text=True, env={**os.environ, "TMPDIR": str(tmp_path)}

@@ -1,4 +1,4 @@
-"""Which modules import which, those included that are imported for types alone or within a function."""
+"""The imports of modules, including those for types alone or within a function."""
 
 import ast
 from graphlib import CycleError, TopologicalSorter

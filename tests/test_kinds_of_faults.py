@@ -1,4 +1,4 @@
-"""A kind of fault is one module and one entry point: nothing else in the package knows which kinds there are."""
+"""A kind of fault is one module and one entry point: no other module of the package names the kinds."""
 
 import ast
 import tomllib

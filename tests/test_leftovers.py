@@ -1,11 +1,11 @@
-"""Whether memory that nobody gives back is found, and memory that is needed once is not taken for it."""
+"""Memory that is not released is found, and memory that is needed once is not mistaken for it."""
 
 import pytest
 from leftovers import grows_forever
 
 
 @pytest.mark.parametrize("size", [20_000, 100_000])
-def test_what_is_kept_at_each_repeat_is_found(size: int) -> None:
+def test_memory_that_is_kept_at_each_repeat_is_found(size: int) -> None:
     kept: list[bytes] = []
     assert grows_forever(lambda: kept.append(b"1" * size), repeats=40, each=10_000)
 

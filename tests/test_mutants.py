@@ -1,4 +1,4 @@
-"""Mutants: what the mutation tool draws are small faults in modules that still compile."""
+"""Mutants: the mutation tool draws small faults in modules that still compile."""
 
 import ast
 from collections import Counter

@@ -1,4 +1,4 @@
-"""What is drawn, exported and reported is registered in pyproject.toml alone: no other module knows it by name."""
+"""Drawings, exports and sections of reports are registered in pyproject.toml alone: no module names them."""
 
 import ast
 import importlib
@@ -25,7 +25,7 @@ KINDS = [DRAWING, EXPORT, SECTION]
 
 
 def names_in(file: Path) -> Iterator[tuple[str, str]]:
-    """Yield what a file takes from modules: the last part of the name of the module, and the name in it."""
+    """Yield the imports of a file: the last part of the name of the module, and the name in it."""
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
             yield node.value.id, node.attr

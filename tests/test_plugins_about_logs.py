@@ -291,7 +291,7 @@ def broken(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.slow
-def test_a_replay_shows_everything_but_broken_drawings_and_says_which_these_are(broken: Path) -> None:
+def test_a_replay_shows_all_drawings_except_broken_ones_and_names_these(broken: Path) -> None:
     run = command(broken)
     told = run("replay", "two.mcap", "--save", "with.rrd").stderr.splitlines()
     run("replay", "two.mcap", "--save", "without.rrd", plugin=False)
@@ -319,7 +319,7 @@ def test_a_replay_shows_everything_but_broken_drawings_and_says_which_these_are(
 
 
 @pytest.mark.slow
-def test_a_broken_format_is_told_and_leaves_nothing(broken: Path) -> None:
+def test_a_broken_format_is_reported_and_leaves_no_file(broken: Path) -> None:
     run = command(broken)
     done = run("export", "two.mcap", "--format", "broken", status=1)
     assert "the export `broken` of broken 1.0 fails: ValueError: no such sheet (broken.py, line" in done.stderr
@@ -331,7 +331,7 @@ def test_a_broken_format_is_told_and_leaves_nothing(broken: Path) -> None:
 
 
 @pytest.mark.slow
-def test_a_report_has_everything_but_broken_sections(broken: Path) -> None:
+def test_a_report_has_all_sections_except_broken_ones(broken: Path) -> None:
     run = command(broken)
     told = run("report", "two.mcap", "--output", "with.html").stderr.splitlines()
     assert len([each for each in told if "the report `broken` of broken 1.0 fails: ZeroDivisionError" in each]) == 1

@@ -1,4 +1,4 @@
-"""What NumPy and BLAS compute with is the same on every processor of level x86-64-v3, and is told in the log."""
+"""NumPy and BLAS use the same kernels on every processor of level x86-64-v3, which the log states."""
 
 import json
 import os
@@ -24,7 +24,7 @@ print(json.dumps([processor.numpy_kernels(), [[each.kernel, each.threads] for ea
 
 
 def clean(**variables: str) -> dict[str, str]:
-    """The environment of a shell in which nobody has chosen kernels."""
+    """The environment of a shell without settings of kernels."""
     return {name: value for name, value in os.environ.items() if name not in processor.VARIABLES} | variables
 
 
@@ -45,13 +45,13 @@ def test_numpy_leaves_avx_512_alone_and_each_openblas_takes_the_same_kernels_and
     assert blas == [["Haswell", 1]] * 2
 
 
-def test_nothing_is_pinned_that_numpy_would_warn_of() -> None:
+def test_no_setting_is_made_that_numpy_would_warn_of() -> None:
     # -W error makes an error of the warning.
     python("import symaware_cli, numpy")
 
 
 @needs_level
-def test_what_somebody_has_set_is_respected() -> None:
+def test_variables_that_are_set_already_are_kept() -> None:
     kernels, blas = json.loads(
         python(TOLD, NPY_DISABLE_CPU_FEATURES="", OPENBLAS_CORETYPE="Nehalem", OMP_NUM_THREADS="2")
     )
@@ -61,11 +61,11 @@ def test_what_somebody_has_set_is_respected() -> None:
 
 
 @needs_level
-def test_a_run_says_that_somebody_has_set_something_else_and_so_does_its_log(command: Command, scenarios: Path) -> None:
+def test_a_run_and_its_log_report_that_variables_were_set_differently(command: Command, scenarios: Path) -> None:
     short = ("--set", "run.duration=0.1")
     done = command("run", scenarios / "hello.yaml", *short, "-o", "a.mcap", env=clean(OPENBLAS_CORETYPE="Nehalem"))
     assert done.returncode == 0
-    assert "symaware: OpenBLAS uses its kernel Nehalem (the environment says so" in done.stderr
+    assert "symaware: OpenBLAS uses its kernel Nehalem (set by the environment" in done.stderr
     told = json.loads(open_log("a.mcap").attachments["versions.json"])
     assert "Nehalem" in told["BLAS"]
     assert told["Pinned"].startswith("no: OpenBLAS uses its kernel Nehalem")
@@ -169,7 +169,7 @@ def test_the_program_starts_without_numpy_and_pins_all_the_same(command: Command
 
 
 @needs_level
-def test_a_blas_that_was_built_for_one_processor_is_no_reason_to_warn_and_tells_workers_nothing() -> None:
+def test_a_blas_that_was_built_for_one_processor_causes_no_warning_and_no_variables_for_workers() -> None:
     code = """
 import symaware_cli, numpy
 from symaware_cli import processor

@@ -1,4 +1,4 @@
-"""States of shipped scenarios at random instants: what follows is equal, or the state is refused."""
+"""States of shipped scenarios at random instants: the continuations are equal, or the state is refused."""
 
 import subprocess
 import sys
@@ -10,7 +10,7 @@ SCRIPT = Path(__file__).parents[1] / "benchmarks" / "capture.py"
 
 
 @pytest.mark.slow
-def test_what_follows_twenty_random_instants_is_equal_unless_an_engine_is_refused() -> None:
+def test_runs_from_twenty_random_instants_are_equal_unless_the_engine_is_refused() -> None:
     told = subprocess.run(
         [sys.executable, SCRIPT, "--seed", "2", "--pairs", "20"], check=True, capture_output=True, text=True
     ).stdout

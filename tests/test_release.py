@@ -1,4 +1,4 @@
-"""A release states one version everywhere, and says what it consists of and what it was built from."""
+"""A release states one version everywhere, and lists its content and its sources."""
 
 import hashlib
 import json
@@ -59,7 +59,7 @@ def test_the_digest_of_a_log_does_not_depend_on_the_version(tmp_path: Path, monk
 
 
 def repository(folder: Path) -> Callable[..., None]:
-    """Copy the checkout without its history into a new repository, and return what calls git there."""
+    """Copy the checkout without its history into a new repository, and return a function that calls git there."""
     leave = shutil.ignore_patterns(".git", ".venv", ".*_cache", "__pycache__", "_site", ".peers")
     shutil.copytree(CHECKOUT, folder, ignore=leave, symlinks=True)
     # As those who make a release do, by `towncrier build`.
@@ -77,7 +77,7 @@ def repository(folder: Path) -> Callable[..., None]:
 
 
 @pytest.mark.slow
-def test_a_release_is_built_from_a_tag_works_where_nothing_else_is_and_says_what_it_is(tmp_path: Path) -> None:
+def test_a_release_is_built_from_a_tag_works_alone_and_reports_its_version(tmp_path: Path) -> None:
     checkout, folder, key = tmp_path / "checkout", tmp_path / "dist", tmp_path / "key.pem"
     git = repository(checkout)
     git("tag", "v0.2.0")

@@ -1,4 +1,4 @@
-"""What the rooms of the package let each other use."""
+"""The interfaces between the rooms of the package."""
 
 import ast
 import importlib
@@ -55,7 +55,7 @@ def test_at_most_eight_modules_of_a_room_are_reached_from_others() -> None:
     assert {room: sorted(found) for room, found in reached.items() if len(found) > MOST} == {}
 
 
-def test_what_others_import_from_a_room_is_in_its_interface() -> None:
+def test_names_that_others_import_from_a_room_are_in_its_interface() -> None:
     unnamed = [
         f"{place} imports {name} from {module}"
         for place, module, name in imports()
@@ -65,14 +65,14 @@ def test_what_others_import_from_a_room_is_in_its_interface() -> None:
     assert unnamed == []
 
 
-def test_an_interface_names_nothing_that_nobody_uses() -> None:
+def test_an_interface_has_only_names_that_are_used() -> None:
     used = {*((module, name) for _, module, name in imports()), *imports_of_plugins()}
     listed = {(f"symaware_cli.{room}", name) for room in with_stub() for name in interface(room).__all__}
     assert sorted(listed - used) == []
 
 
 @pytest.mark.parametrize("room", ["engine", "language", "log", "studies", "views"])
-def test_each_name_of_an_interface_is_there(room: str) -> None:
+def test_each_name_of_an_interface_exists(room: str) -> None:
     for name in interface(room).__all__:
         assert getattr(interface(room), name) is not None or name
     with pytest.raises(AttributeError, match="no attribute 'nothing'"):

@@ -71,7 +71,7 @@ def test_a_table_is_read_whole_or_entry_by_entry(log: Path) -> None:
     assert entries.column("distance").max() < 6.5
 
 
-def test_a_sensor_may_compute_in_a_process_of_its_own(log: Path, folder: Path, symaware: Command) -> None:
+def test_a_sensor_may_compute_in_a_separate_process(log: Path, folder: Path, symaware: Command) -> None:
     here = "agents.robot.components.radar.run_in=here"
     symaware("run", "radar.yaml", "--quiet", "--output", folder / "here.mcap", "--set", here)
     one, other = (open_log(path).series("robot.1", "radar.returns") for path in (log, folder / "here.mcap"))
@@ -79,7 +79,7 @@ def test_a_sensor_may_compute_in_a_process_of_its_own(log: Path, folder: Path, s
     assert one.times.tolist() == other.times.tolist()
 
 
-def test_a_component_of_an_agent_looks_at_what_the_sensor_of_its_group_found(log: Path) -> None:
+def test_a_component_of_an_agent_reads_the_signal_of_the_sensor_of_its_group(log: Path) -> None:
     assert any(event.name == "approached" for event in open_log(log).events())
 
 
@@ -91,7 +91,7 @@ def test_two_components_of_one_class_have_a_signal_each(folder: Path, symaware: 
     assert len(read.series("robot.0", "meter.effort").times) == 8
 
 
-def test_whoever_has_the_log_alone_inspects_exports_plots_and_replays_it(
+def test_the_log_alone_suffices_to_inspect_export_plot_and_replay_it(
     log: Path, folder: Path, symaware: Command
 ) -> None:
     for series in ("robot.0:gauge.effort:power", "robot.0:radar.returns"):
@@ -150,7 +150,7 @@ def test_it_can_be_left_out_of_the_log_by_its_name(folder: Path, symaware: Comma
     assert "did you mean `returns`?" in done.stderr
 
 
-def test_show_and_the_editor_know_the_signal(symaware: Command) -> None:
+def test_show_and_the_schema_for_editors_have_the_signal(symaware: Command) -> None:
     assert "effort  a vector of power, energy: of the motion" in symaware("show", "mine.gauge").stdout
     schema = json.loads(symaware("schema").stdout)
     assert {"effort", "returns"} <= set(schema["$defs"]["Recording"]["properties"]["omit"]["items"]["enum"])

@@ -7,7 +7,7 @@ from symaware_cli.processes.transport import Port
 
 
 class Loud(Tcp):
-    """A transport of somebody else: says where it listens."""
+    """A transport of another package, which reports its address."""
 
     def listen(self, host: str, port: int, key: bytes | None = None) -> Port:
         Path("loud.txt").write_text(f"{host}:{port}")

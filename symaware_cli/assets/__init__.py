@@ -1,4 +1,4 @@
-"""Files of robots and meshes that others made, checked before an engine reads them."""
+"""Files of robots and meshes from other sources, checked before an engine reads them."""
 
 from symaware_cli.interface import interface_of
 

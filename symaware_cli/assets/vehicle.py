@@ -22,7 +22,7 @@ class VehicleBodies(ABC):
     Attributes:
         count: The number of bodies.
         gravity: Acceleration of free bodies [x, y, z] [m/s^2].
-        margin: How far outside of their shapes bodies touch each other [m].
+        margin: The distance outside of their shapes at which bodies touch each other [m].
     """
 
     # Handles of an engine follow from the scenario. A subclass with further state adds it by `captured` and `restored`.
@@ -138,7 +138,7 @@ class Vehicle(ABC):
 
         Args:
             state: The state of one agent; shape (nx,).
-            margin: How far outside of their shapes bodies touch each other [m].
+            margin: The distance outside of their shapes at which bodies touch each other [m].
         """
 
     @abstractmethod

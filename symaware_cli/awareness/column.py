@@ -23,8 +23,8 @@ class Column:
     Attributes:
         bounds: The numbers that may be written.
         fresh: Whether something was written since `take_beyond` was last called.
-        writes: How often the whole column or a row was written, not counting `restore`. A component can detect with it
-            whether another has written since, also in another process.
+        writes: The number of times that the whole column or a row was written, without `restore`. It shows whether
+            another component has written since, also in another process.
     """
 
     __slots__ = ("_array", "_changed", "_every", "_own", "_restored", "_shape", "_since", "bounds", "fresh", "writes")

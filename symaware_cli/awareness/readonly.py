@@ -19,7 +19,7 @@ _DEPTH = 100
 def _refuse(value: Any, *_: Any, **__: Any) -> NoReturn:
     name = getattr(value, "known_as", "")
     raise TypeError(
-        f"what an agent knows cannot be changed in place, because nobody would learn of it: change a copy and assign "
+        f"knowledge cannot be changed in place, because the change would not be noticed: change a copy and assign "
         f'that, self_knowledge["{name or "..."}"] = ...'
     )
 

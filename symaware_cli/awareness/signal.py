@@ -55,8 +55,8 @@ class Signal:
             where the column ``occupied`` is 0 and dark where it is 1, or the darker the greater a probability in the
             column ``level`` is. None if it is not drawn.
         description: Its meaning, in a few words.
-        nan: What NaN in it means; None if a component that writes NaN fails.
-        infinity: What infinity in it means; None if a component that writes infinity fails.
+        nan: The meaning of NaN in it; None if a component that writes NaN fails.
+        infinity: The meaning of infinity in it; None if a component that writes infinity fails.
     """
 
     what: ClassVar = "signal"
@@ -123,7 +123,7 @@ class Signal:
         """Create the empty column of a group.
 
         Args:
-            count: How many agents there are.
+            count: The number of agents.
 
         Raises:
             ValueError: It is not a series, and its columns are not defined.

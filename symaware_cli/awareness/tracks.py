@@ -83,7 +83,7 @@ class Tracks:
 
         Args:
             time: See the class, also for the arguments without a description.
-            count: How many agents the group has.
+            count: The number of agents of the group.
             observers: The agent of each row, ascending; shape (m,).
             others: Within an agent ascending; shape (m,).
             positions: Shape (m, d).

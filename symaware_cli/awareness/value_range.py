@@ -62,7 +62,7 @@ def require_within(bounds: ValueRange, value: Array | TimeSeries, what: str) -> 
 
 
 class NotFiniteError(ValueError):
-    """A series that was deferred is out of its bounds, as it turned out when it was computed.
+    """A deferred series is out of its bounds, which was found when it was computed.
 
     Attributes:
         path: The path of the component that wrote it.

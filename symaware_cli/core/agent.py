@@ -48,7 +48,7 @@ class Surroundings:
         events: The event bus.
         environment: The world.
         exchange: Sends and receives messages.
-        inputs: What components get from outside of the run.
+        inputs: The external inputs of components.
     """
 
     __slots__ = ("clock", "environment", "events", "exchange", "inputs", "seed")
@@ -70,7 +70,7 @@ class Surroundings:
         self.inputs = inputs
 
     def reseed(self, seed: int) -> None:
-        """Let components that have drawn nothing yet draw from another seed."""
+        """Use another seed for components that have not drawn random numbers yet."""
         self.seed = seed
 
 

@@ -51,8 +51,8 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         sees_world: Whether it reads the world itself, and not only the awareness of its agent. If it computes in a
             worker process, that process then has a copy of the world.
         use: The plugin's entry-point name.
-        writes: The entries of knowledge that it writes, with what an agent knows before that if its scenario does not
-            say; so components that require them need no value in the scenario.
+        writes: The entries of knowledge that it writes, with their initial values if the scenario gives none; so
+            components that require them need no value in the scenario.
     """
 
     batchable: ClassVar[bool] = False
@@ -95,9 +95,9 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
 
     @property
     def repeatable_to(self) -> float | None:
-        """How far a number in the log of a repeated run may be off, absolutely or relatively; None for not at all.
+        """The absolute and relative tolerance of numbers in the log of a repeated run; None for equality.
 
-        A component says so whose results depend on the processor, because a library computes them. The log states it,
+        It is for components whose results depend on the processor, because a library computes them. The log states it,
         and `symaware verify` and others that repeat runs compare to the greatest tolerance of all components. Such runs
         are not batched.
         """
@@ -210,7 +210,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         cancelled; messages that were not returned stay unread.
 
         Args:
-            waits: What to wait for, including `any_of` and `all_of`; in a paced run also awaitables of asyncio.
+            waits: The awaitables, including `any_of` and `all_of`; in a paced run also awaitables of asyncio.
 
         Raises:
             ValueError: There is nothing to wait for.
@@ -318,7 +318,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         """Fire an event of this component; it is recorded.
 
         Args:
-            name: What happened; declare it in `events`.
+            name: The name of the event; declare it in `events`.
             text: One line for people.
             level: Its importance; the summary of the run counts events of the level `Level.WARNING` by name.
             data: Further facts, as plain JSON values.
@@ -335,10 +335,10 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
         self._surroundings.events.fire(event)
 
     def external_input(self, ask: Callable[[], Any]) -> Any:
-        """Return something that comes from outside of the run, such as the answer of another program.
+        """Return an external input, such as the answer of another program.
 
-        It is recorded. Where a run is repeated from its log, it is what the log has, and nothing is asked; so it may
-        depend on wall time, and the run still repeats. Call it in `_compute`.
+        It is recorded. A run that is repeated from its log takes the input from the log, without a call of `ask`; so
+        the input may depend on wall time, and the run can still be repeated. Call it in `_compute`.
 
         Args:
             ask: Returns the input as plain JSON values, or raises an exception, whose text is recorded.
@@ -347,7 +347,7 @@ class BaseComponent(Plugin, ABC, Generic[Owner]):
             The input, as JSON has it: with lists in place of tuples.
 
         Raises:
-            ExternalInputError: There is none. The text is that of the exception that `ask` raised.
+            ExternalInputError: There is no input. The text is that of the exception that `ask` raised.
         """
         surroundings = self._surroundings
         now = surroundings.clock.now
@@ -481,9 +481,9 @@ class GroupComponent(BaseComponent[AgentGroup]):
     def acting(self) -> Sequence[int]:
         """The rows of the agents for which it acts in this turn, ascending.
 
-        These are in the world, are not suspended by a fault, and do not use another component instead. What the
-        component writes for others has no effect; what acts outside of the run, such as a message to another program,
-        is for these alone.
+        These are in the world, are not suspended by a fault, and do not use another component instead. Values written
+        for others have no effect; actions outside of the run, such as a message to another program, must be limited to
+        these.
         """
         muted = self._surroundings.events.muted
         return [row for row in self._group.rows.tolist() if self.agent_path(row) not in muted]

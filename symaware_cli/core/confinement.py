@@ -78,8 +78,8 @@ class Confinement(ABC):
     def breach(self, group: Any) -> Mapping[tuple[int, int], float]:
         """Return the declared probability that an agent's other leaves its sets, whether or not the sets are known yet.
 
-        A chance constraint pays for it at the beginning. It is by the row of the agent, and the index of the other in
-        the roster; by default there is none.
+        A chance constraint accounts for it from the beginning. It is by the row of the agent, and the index of the
+        other in the roster; by default there is none.
 
         Args:
             group: The `AgentGroup`.

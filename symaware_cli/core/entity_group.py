@@ -65,7 +65,7 @@ class EntityGroup:
 
     @property
     def runs(self) -> int:
-        """How many runs the rows belong to."""
+        """The number of runs that the rows belong to."""
         return len(self.seeds) or 1
 
     def __len__(self) -> int:

@@ -40,8 +40,8 @@ class EnvironmentParameters(Parameters):
         0.0,
         ge=0,
         le=1e6,
-        description="How long two bodies must be apart until their contact has ended [s]; if they touch again before, "
-        "it goes on. 0: a contact ends when the bodies part.",
+        description="Time that two bodies must be apart until their contact has ended [s]; if they touch before, "
+        "it continues. 0: a contact ends when the bodies part.",
     )
 
 
@@ -49,7 +49,7 @@ class WorldError(UnsupportedError):
     """A world does not support something that a scenario requires; `path` is its place in the scenario.
 
     Attributes:
-        needs: The feature that worlds have which do support it, as in `Environment.provides`; None if no feature tells.
+        needs: The feature of worlds that support it, as in `Environment.provides`; None if no feature indicates it.
     """
 
     def __init__(self, message: str, *path: str | int, needs: str | None = None) -> None:
@@ -74,8 +74,8 @@ class Environment(Plugin, ABC):
         ground: The height of the ground plane [m]; None if there is none.
         groups: The groups in the roster's order.
         obstacles: The bodies that are part of the environment, by name.
-        on_contact: What happens to bodies that meet, in a world without forces: ``pass``, ``stop``, ``slide``, or
-            ``end`` if the run ends with its first contact. None if forces decide.
+        on_contact: The effect of contacts in a world without forces: ``pass``, ``stop``, ``slide``, or ``end`` if the
+            run ends with its first contact. None if forces decide.
         provides: Optional features of this world: ``forces``, if forces move bodies; ``images``, if it renders camera
             images; ``vehicles``, if it moves bodies by `Model.vehicle`; ``mechanisms``, if it moves joints by
             `Model.mechanism`; ``tilt``, if entities may have a roll and a pitch. Messages about a world without a
@@ -202,7 +202,7 @@ class Environment(Plugin, ABC):
         """Return how the bodies of a group follow the velocities of their model; called after `initialise`.
 
         Raises:
-            WorldError: They do so in a way that this world cannot state; `path` is what prevents it.
+            WorldError: They do so in a way that this world cannot state; `path` is the place of the reason.
         """
         raise WorldError("this world does not state how bodies follow their models", "environment", "use")
 
@@ -317,7 +317,7 @@ class Environment(Plugin, ABC):
     def contacts_begun(self) -> NDArray[np.intp]:
         """Return an agent, by index, of each contact that began since the last step; only batchable worlds do.
 
-        A contact that goes on within `debounce` after the bodies parted does not begin again.
+        A contact that resumes within `debounce` after the bodies parted does not begin again.
         """
         raise NotImplementedError(f"`{type(self).__name__}` cannot be batched")
 

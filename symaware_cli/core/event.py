@@ -204,7 +204,7 @@ class EventBus:
         self._components = components
 
     def _owned(self) -> Iterator[tuple[str, Subscription, list[str]]]:
-        """Yield the subscriptions of components, in order, each with what is captured of it."""
+        """Yield the subscriptions of components, in order, each in its captured form."""
         names = {id(each): name for name, each in self._components().items()}
         for name, subscriptions in sorted(self._subscriptions.items()):
             for each in subscriptions:
@@ -225,7 +225,7 @@ class EventBus:
         components = self._components()
         for each in state:
             if len(each) != 4 or not all(isinstance(part, str) for part in each):
-                raise StateError("the subscriptions of components are not what was captured")
+                raise StateError("the subscriptions of components differ from those captured")
             name, source, owner, method = each
             if not callable(getattr(components.get(owner), method, None)):
                 raise StateError(f"{owner} cannot listen to `{name}` of {source}: it has no method `{method}`")

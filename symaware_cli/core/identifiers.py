@@ -25,12 +25,12 @@ ComponentPattern = Annotated[Target, Field(description=COMPONENTS)]
 
 
 class AgentParameters(RootModel[AgentPattern]):
-    """Parameters that are nothing but the name of agents."""
+    """Parameters that consist of the name of agents alone."""
 
     model_config = ConfigDict(frozen=True, defer_build=True)
 
 
 class ComponentParameters(RootModel[ComponentPattern]):
-    """Parameters that are nothing but the name of components."""
+    """Parameters that consist of the name of components alone."""
 
     model_config = ConfigDict(frozen=True, defer_build=True)

@@ -14,7 +14,7 @@ class Links:
     """Directed links between agents, as indices in the roster, sorted by sender, then by receiver; read-only.
 
     Attributes:
-        count: How many agents there are.
+        count: The number of agents.
         senders: Ascending; shape (m,).
         receivers: Ascending for each sender; shape (m,).
         pointers: The index of the first link of each sender, then the number of links; shape (count + 1,).
@@ -42,7 +42,7 @@ class Links:
         """Create links from arrays in any order, without duplicates and links of agents to themselves.
 
         Args:
-            count: How many agents there are.
+            count: The number of agents.
             senders: Shape (m,).
             receivers: Shape (m,).
             both_ways: Whether each link goes in both directions.

@@ -13,7 +13,7 @@ from symaware_cli.world import Plugin
 
 
 class Metric(Plugin, ABC):
-    """A figure of a run, computed while the run goes on; it has one value at the end.
+    """A figure of a run, computed during the run; it has one value at the end.
 
     An instance follows one run. If it raises an exception, the row of the run has the state ``failed``.
 

@@ -1,4 +1,4 @@
-"""A whole scenario, as a plugin sees it that checks it before a run.
+"""A whole scenario, as seen by a plugin that checks it before a run.
 
 Reasons: docs/decisions/0068-plugins-check-the-scenario.md
 """
@@ -174,7 +174,7 @@ class ScenarioView(ABC):
 
     @abstractmethod
     def report_unknown(self, kind: str, name: str, *place: str | int, known: Iterable[str]) -> None:
-        """Refuse a name that nothing of a kind has, and list the valid names.
+        """Refuse an unknown name of a kind of object, and list the valid names.
 
         Args:
             kind: The kind of object that was to be named, such as ``agent``.

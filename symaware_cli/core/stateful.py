@@ -41,7 +41,7 @@ class Stateful(Protocol):
     def reseed(self, seed: int) -> None:
         """Take another seed for all further draws; optional, for objects that keep the seed of the run or keys of it.
 
-        A state may be restored with another seed, so that what follows is drawn anew. Generators that components get as
+        A state may be restored with another seed, so that later draws differ. Generators that components get as
         `random` do this by themselves.
         """
 

@@ -13,8 +13,7 @@ class SpecificationStatus(NamedTuple):
         verdict: True if it is satisfied, False if it is violated, None while it is undecided.
         robustness: The exact robustness of its formula at the latest instant at which that is known; NaN before the
             first.
-        interval: The least and the greatest that its robustness can still turn out to be; infinite where they are not
-            computed.
+        interval: The bounds that its final robustness can still lie within; infinite where they are not computed.
     """
 
     verdict: bool | None
@@ -53,7 +52,7 @@ class OfferBoard(Protocol):
 
     @property
     def holders(self) -> Mapping[str, str]:
-        """The ids of the agents that have accepted specifications and not given them up, by the names of these."""
+        """The ids of the agents that have accepted specifications and not given them up, by specification."""
 
     def accept(self, name: str, agent: str, path: str) -> bool:
         """Accept a specification for an agent, on behalf of the component with a path; whether the agent has it."""

@@ -12,7 +12,7 @@ from symaware_cli.language.compose import compose
 from symaware_cli.log import LogError
 
 _CAN_CHANGE = (
-    "a component (agents.GROUP.components.NAME.use, and what the new one has under with), parameters of one "
+    "a component (agents.GROUP.components.NAME.use, and its parameters under with), parameters of one "
     "(agents.GROUP.components.NAME.with.PARAMETER), knowledge (agents.GROUP.knowledge.NAME), a state "
     "(agents.GROUP.state), each also of one agent (agents.GROUP[2].state), faults (faults.NAME), and run"
 )
@@ -55,7 +55,7 @@ def overrides_of(log: Path, instant: float, changes: Sequence[Assignment]) -> Se
                 of, rest = (f"{group}.{rest[0]}", rest[1:]) if is_one else (str(group), rest)
                 _add(faults, of, _value(data, ["agents", group]), rest, change)
             case _:
-                raise BranchError(f"`{change}` cannot change at an instant; what can: {_CAN_CHANGE}")
+                raise BranchError(f"`{change}` cannot change at an instant, unlike {_CAN_CHANGE}")
     taken = data.get("faults") or {}
     numbers = (number for number in range(1, len(taken) + len(faults) + 2) if f"branch-{number}" not in taken)
     for (kind, of), content in _without_replaced(faults).items():
@@ -84,7 +84,7 @@ def _add(
         case ["state"]:
             faults["place", of] = {"state": group["state"]}
         case _:
-            raise BranchError(f"`{change}` cannot change at an instant; what can: {_CAN_CHANGE}")
+            raise BranchError(f"`{change}` cannot change at an instant, unlike {_CAN_CHANGE}")
 
 
 def _without_replaced(faults: dict[tuple[str, str], dict[str, Any]]) -> dict[tuple[str, str], dict[str, Any]]:

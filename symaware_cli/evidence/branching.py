@@ -213,7 +213,7 @@ class _Branch:
             if comparison.differs or comparison.is_left:
                 written.unlink(missing_ok=True)
                 where = f"it differs from {log} after {comparison.now / 1e9:g} s already"
-                cause = "what is changed affects the run before the instant" if overrides else "the run does not repeat"
+                cause = "the change affects the run before the instant" if overrides else "the run is irreproducible"
                 raise BranchError(f"there is no such branch: {where}; {cause}. See `symaware verify {log}`")
         way: Way = "repetition" if beginning is None else "capture"
         changes = tuple(map(str, overrides))

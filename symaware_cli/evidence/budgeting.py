@@ -1,4 +1,4 @@
-"""How much degradation a claim bears: levels from mild to severe, certified in this order until one is not.
+"""Degradation that a claim withstands: levels from mild to severe, certified in this order until one is not.
 
 Reasons: docs/decisions/0091-awareness-contracts.md
 """
@@ -36,7 +36,7 @@ _Level = TypeVar("_Level")
 
 
 def fixed_sequence(levels: Iterable[_Level], is_certified: Callable[[_Level], bool]) -> int:
-    """Test levels in their order, and return how many are certified before the first that is not.
+    """Test levels in their order, and return the number of levels certified before the first that is not.
 
     Each level is tested with the whole error probability alpha, and later levels are not tested. All certified levels
     hold jointly with an error probability of at most alpha, because the first false level, in the order that was
@@ -77,7 +77,7 @@ class BudgetLevel:
 
     @property
     def figures(self) -> str:
-        """How many runs were counted for each term of the claim, and how many of them against it."""
+        """The number of runs counted for each term of the claim, and of those against it, as text."""
         return "; ".join(
             (f"{text}: " if text else "") + f"{each['runs']:,} runs, {each['runs'] - each['satisfied']:,} against"
             for cell in self.combinations
@@ -87,7 +87,7 @@ class BudgetLevel:
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """How much degradation a claim bears.
+    """The degradation that a claim withstands.
 
     Attributes:
         claim: The claim.
@@ -145,15 +145,15 @@ def budget(
 ) -> Budget:
     """Certify a claim at levels of a degradation, from mild to severe, until it is not established at one.
 
-    All certified levels hold jointly with the confidence of the claim; see `fixed_sequence`. If the folder exists, what
-    is missing in it is continued.
+    All certified levels hold jointly with the confidence of the claim; see `fixed_sequence`. If the folder exists, its
+    missing runs are made.
 
     Args:
         scenario: A scenario, or a log of one.
         output: The folder for a sweep of each level, its certificate, and ``budget.json``.
         claim: The claim, such as ``P(safe) > 0.99 with confidence 0.99``.
-        over: What is degraded: ``noise``, ``delay``, ``loss`` or ``range``, or a path; with ``=`` and the levels, in
-            their order.
+        over: The degraded quantity: ``noise``, ``delay``, ``loss`` or ``range``, or a path; with ``=`` and the levels,
+            in their order.
         runs: The number of runs at each level; for a sequential claim, the greatest number. By default as many as
             establish the claim with two failures.
         changes: Changes to the scenario that all levels share.

@@ -66,7 +66,7 @@ def statement(folder: SweepFolder, post_hoc: Claim | None = None) -> dict[str, A
     if claim is None:
         raise SweepError(
             f"the plan of {folder.path} has no claim: `symaware sweep ... --with 'claim=P(NAME) > 0.99'` states one "
-            "beforehand, and `certify --claim` looks at one afterwards"
+            "beforehand, and `certify --claim` evaluates one afterwards"
         )
     for name in claim.names:
         if name not in names:
@@ -141,7 +141,7 @@ def leaf_of(record: JournalRecord) -> bytes:
 
 
 def _claimed(claim: Claim) -> dict[str, Any]:
-    """Return what is claimed, for machines."""
+    """Return the claim as plain data."""
     if claim.is_plain:
         return {"specification": claim.terms[0].satisfied[0], "probability": claim.terms[0].probability}
     return {

@@ -67,9 +67,9 @@ def _of_page(read: SignedStatement, path: Path) -> Iterator[Finding]:
     file = path.with_suffix(".html")
     try:
         if file.is_file() and file.read_bytes() != page(read.content, read.public_key).encode():
-            yield Finding(None, file.name, "another page", f"what {path.name} says")
+            yield Finding(None, file.name, "another page", f"the content of {path.name}")
     except (LookupError, TypeError, ValueError, AttributeError):
-        yield Finding(None, file.name, "a page", f"nothing: {path.name} lacks what a page says")
+        yield Finding(None, file.name, "a page", f"nothing: {path.name} lacks the content of a page")
 
 
 def _of_signature(read: SignedStatement, wanted: str | None) -> Iterator[Finding]:
@@ -79,7 +79,7 @@ def _of_signature(read: SignedStatement, wanted: str | None) -> Iterator[Finding
             yield Finding(None, "signature", "none", f"one by the key {fingerprint(wanted)}")
         return
     if not read.is_signed_by(read.public_key):
-        yield Finding(None, "signature", "one of something else", "one of this statement")
+        yield Finding(None, "signature", "a signature of another statement", "a signature of this statement")
     if wanted not in (None, read.public_key):
         yield Finding(None, "signature", f"one by the key {read.public_key}", f"one by the key {wanted}")
 

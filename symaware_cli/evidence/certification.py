@@ -115,7 +115,7 @@ def certify(
     sweep = SweepFolder.opened(folder)
     post_hoc = None if claim is None else Claim.parse(claim)
     if post_hoc is not None and key is not None:
-        raise SweepError("a claim that was stated afterwards is not signed: leave --key out")
+        raise SweepError("a claim that was stated afterwards is not signed: omit --key")
     content = statement(sweep, post_hoc)
     require_sound(sweep)
     public_key = None if key is None else public_key_of(Path(key))

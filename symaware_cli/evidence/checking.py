@@ -80,7 +80,7 @@ def check_log(
     for each in recorded.specifications:
         if missing := recorded.missing(each):
             raise LogError(
-                f"{log.path} does not say what `{each.name}` is about: its scenario leaves {', '.join(missing)} "
+                f"{log.path} lacks data for `{each.name}`: its scenario leaves {', '.join(missing)} "
                 "out of the log; repeat the run with --again"
             )
     monitors = Specifications(

@@ -87,10 +87,10 @@ def certify_product(folders: Sequence[FilePath]) -> ClaimProduct:
 
     P(A and B) = P(A) P(B | A). Each claim is of one term, stated before the first run. The condition of a claim is that
     all specifications of the claims before it are satisfied, and the first one has none. A run that leaves the
-    condition undecided counts against the claim, so the bound holds for whatever its verdict would have been.
+    condition undecided counts against the claim, so the bound holds regardless of its verdict.
 
-    The sweeps have the same scenario, the same distribution of what is drawn, and the same versions of software, which
-    is checked by their digests, and no run of one is a run of another.
+    The sweeps have the same scenario, the same distributions of drawn values and the same versions of software, which
+    is checked by their digests, and they have no run in common.
 
     Args:
         folders: The folders of the finished sweeps, in the order of the factors; at least two.
@@ -101,7 +101,7 @@ def certify_product(folders: Sequence[FilePath]) -> ClaimProduct:
     """
     require_pyarrow()
     if len(folders) < 2:
-        raise SweepError("a product has the claims of two sweeps at least")
+        raise SweepError("a product needs the claims of at least two sweeps")
     sweeps = [SweepFolder.opened(each) for each in folders]
     factors = [_factor(each) for each in sweeps]
     satisfied: list[str] = []
@@ -115,7 +115,7 @@ def certify_product(folders: Sequence[FilePath]) -> ClaimProduct:
             if shared is not None:
                 raise SweepError(
                     f"{other.path} and {sweep.path} have a run with the same seed, {shared}: give one of them another "
-                    "`--seed`, as a product is of different studies"
+                    "`--seed`, as a product needs independent runs"
                 )
     return ClaimProduct(satisfied, factors)
 
@@ -142,13 +142,14 @@ def _require_condition(factor: ClaimFactor, satisfied: Sequence[str], before: Se
     """Raise an error if the condition of a factor is not that all specifications before it are satisfied."""
     repeated = next((each for each in factor.term.satisfied if each in satisfied), None)
     if repeated is not None:
-        raise SweepError(f"`{repeated}` is claimed twice, by {factor.folder} once more: each factor has its own")
+        raise SweepError(f"`{repeated}` is claimed twice, again by {factor.folder}: each factor has its own")
     if {*factor.term.given} == {*satisfied}:
         return
     named = " and ".join(factor.term.satisfied)
     wanted = f"P({named} | {' and '.join(satisfied)})" if satisfied else f"P({named})"
     place = f"after {', '.join(str(each.folder) for each in before)}" if before else "as the first factor"
-    raise SweepError(f"{factor.folder} claims {factor.term}, which has no place {place}: there, a claim is of {wanted}")
+    said = f"{factor.folder} claims {factor.term}, which does not fit {place}"
+    raise SweepError(f"{said}: a claim there is of {wanted}")
 
 
 def _require_same_distribution(one: SweepFolder, other: SweepFolder) -> None:

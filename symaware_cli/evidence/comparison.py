@@ -69,7 +69,7 @@ class ComparisonResult:
 
     @property
     def is_equal(self) -> bool:
-        """Whether they are equal, regardless of versions and of what is within tolerances."""
+        """Whether they are equal, regardless of versions and of differences within tolerances."""
         return not (self.scenario or self.first or self.attachments)
 
     def to_json(self) -> dict[str, Any]:
@@ -103,9 +103,9 @@ def compare(
     changes = list(_changes(*composed))
     if not (one.suffix == other.suffix == ".mcap"):
         if plot is not None:
-            raise LogError("a figure of a difference is one of two logs")
+            raise LogError("a figure of differences needs two logs")
         if allowed is not None:
-            raise LogError("tolerances are for two logs")
+            raise LogError("tolerances need two logs")
         return ComparisonResult((one, other), changes)
     logs = open_log(one), open_log(other)
     channels = channel_differences(*logs, allowed)

@@ -1,4 +1,4 @@
-"""The section `contracts` of scenarios: what the awareness of agents must be worth.
+"""The section `contracts` of scenarios: requirements on the awareness of agents.
 
 Reasons: docs/decisions/0091-awareness-contracts.md
 """
@@ -16,31 +16,32 @@ from symaware_cli.world import Seconds
 
 
 class ContractUse(Section):
-    """A formula about what agents believe, beside what is true."""
+    """A formula about the beliefs of agents and the truth."""
 
     formula: str = Field(
         max_length=2000,
-        description="What must hold of the awareness of one agent, `self`, of another, `other`, such as "
+        description="Requirement on the awareness of one agent, `self`, of another, `other`, such as "
         "`always norm(belief(other) - truth(other)) < 0.5`.",
     )
     of: Target | list[Target] | None = Field(
-        None, description="Whose awareness: a group, or a list of ids and groups. All agents if left out."
+        None,
+        description="The agents whose awareness it is: a group, or a list of ids and groups. All agents if left out.",
     )
     about: Target | list[Target] | None = Field(
-        None, description="Of whom: a group, or a list of ids and groups. All other agents if left out."
+        None, description="The agents it is about: a group, or a list of ids and groups. All others if left out."
     )
     where: dict[Identifier, str] = Field(
-        default_factory=dict, description="Formulas to refer to by name, each also by those that follow it."
+        default_factory=dict, description="Named formulas, which later ones and the formula itself may refer to."
     )
     from_: Seconds = Field(0.0, alias="from", description="When the formula is to hold [s].")
     to: Seconds | None = Field(None, description="The last instant that counts [s]; the end of the run if left out.")
     on_violation: Literal["continue", "end", "event"] = Field(
-        "continue", description="What a breach does: the run goes on; it ends; or it goes on, with a warning."
+        "continue", description="The effect of a breach: the run continues; ends; or continues with a warning."
     )
 
 
 def _of_text(written: object) -> object:
-    """Return the contract that a text alone stands for."""
+    """Return the contract of a formula that is given alone."""
     return {"formula": written} if isinstance(written, str) else written
 
 
@@ -51,7 +52,7 @@ class ContractsSection(ScenarioSection):
         Name, Annotated[ContractUse, BeforeValidator(_of_text, json_schema_input_type=str | ContractUse)]
     ]
     description: ClassVar[str] = (
-        "Awareness contracts by name: formulas over what agents believe and what is true. They are monitored like "
+        "Awareness contracts by name: formulas over beliefs of agents and true values. They are monitored like "
         "`specifications`, and may be claimed beside them: `P(sees) > 0.99; P(safe | sees) > 0.999`."
     )
 
@@ -68,7 +69,7 @@ class ContractsSection(ScenarioSection):
 
 
 def _stated(contract: ContractUse, groups: list[str]) -> SpecificationUse:
-    """Return the specification that a contract is: one about each ordered pair of the agents that it names."""
+    """Return the specification of a contract, which is about each ordered pair of the agents that it names."""
     whose, whom = ([each] if isinstance(each, str) else each or groups for each in (contract.of, contract.about))
     return SpecificationUse.model_validate(
         {

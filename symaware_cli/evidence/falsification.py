@@ -166,7 +166,7 @@ def search(
         if not state.is_violated:
             return SearchResult(*known, 0, values, None, outcome, state.one_by_one)
         if not space.is_violation(outcome):
-            raise SweepError(f"run {state.runs - 1} of the search came out otherwise when it was repeated")
+            raise SweepError(f"run {state.runs - 1} of the search had another result when it was repeated")
         shrinking = _Shrinking(space, dict(values), outcome)
         shrinking.shrink()
     found = shrinking.values, values, shrinking.outcome

@@ -69,7 +69,9 @@ class RareEvent:
         if found is None:
             raise unknown_specification(self.specification, known)
         if found.offer is not None:
-            raise SweepError(f"`{self.specification}` is offered to agents: only what always counts can be estimated")
+            raise SweepError(
+                f"`{self.specification}` is offered to agents: only those that always count can be estimated"
+            )
         if not self.levels:
             return
         if found.automaton is not None:

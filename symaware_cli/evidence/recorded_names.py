@@ -147,7 +147,7 @@ class RecordedNames:
         return {"first": values[name](first), "second": values[name](second)}
 
     def _of_awareness(self, id: str, other: str, name: str) -> Any:
-        """Return what an agent believes, or what is true, of itself and another; beliefs that it lacks are absent."""
+        """Return the beliefs of an agent, or the truth, about itself and another; missing beliefs are absent."""
         match name:
             case "truth":
                 return {SELF: self._position(id), OTHER: self._position(other)}
@@ -170,7 +170,7 @@ class RecordedNames:
         return _Beliefs(found)
 
     def _of_world(self, scope: Scope, name: str) -> Any:
-        """Return a value about the world, looked up as in a run, but for the positions of links."""
+        """Return a value about the world, looked up as in a run, except the positions of links."""
         if name == LINK:
             return _LinksByName(self._world, self._groups)
         return _of_one(scope.look_up(name))
@@ -218,7 +218,7 @@ class _LinksOfOne:
     """The positions of the links of one agent by name [m]; each of shape (d,)."""
 
     def __init__(self, group: AgentGroup, state: Array, dimensions: int = 0) -> None:
-        """Remember what they follow from; coordinates up to `dimensions` that the model does not have are 0."""
+        """Store their source data; coordinates up to `dimensions` that the model does not have are 0."""
         self._model = group.model
         self._state = state
         self._dimensions = dimensions
@@ -273,10 +273,10 @@ def _of_one(value: Any) -> Any:
 
 
 class _Beliefs(dict[str, Array]):
-    """Beliefs of an agent by whom they are about; one that it lacks is absent."""
+    """Beliefs of an agent, by the agent that they are about; a missing one is absent."""
 
     def __missing__(self, name: str) -> Array:
-        raise AbsentError(f"nothing is believed of the agent `{name}`")
+        raise AbsentError(f"there is no belief about the agent `{name}`")
 
 
 class _OfOne:

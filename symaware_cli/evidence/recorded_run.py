@@ -301,7 +301,7 @@ class RecordedSpecifications:
         yield from RecordedRun(self.log, self.simulation).instants(self.period)
 
     def _at_recorded_instants(self, specification: Specification, steps: int) -> Specification:
-        """Return a specification with windows in steps of `period`; as it was if one contains no recorded instant."""
+        """Return a specification with windows in steps of `period`; unchanged if one contains no recorded instant."""
         try:
             formulation = formulate(specification.formulation.tree, self.period, steps)
         except ExpressionError as error:

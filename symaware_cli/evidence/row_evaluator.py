@@ -113,7 +113,7 @@ def row_robustness(node: Node, look_up: RowLookup) -> float:
         case Comparison():
             margins = _margins(node, look_up)
             if margins.size != 1:
-                raise TypeError("this compares several values; say all(...) or any(...)")
+                raise TypeError("this compares several values; use all(...) or any(...)")
             return float(margins.ravel()[0])
         case Call(function="inside", arguments=(point, region)):
             return _depth(row_value(point, look_up), row_value(region, look_up))
@@ -146,11 +146,11 @@ def row_value(node: Node, look_up: RowLookup) -> Any:
         case Element(operand=operand, key=key):
             value = row_value(operand, look_up)
             if isinstance(value, np.ndarray) and value.ndim and not len(value):
-                raise AbsentError("there is nobody")
+                raise AbsentError("there are no agents")
             return value[key]
         case Vector(items=items):
             return np.array([float(_number(row_value(each, look_up))) for each in items])
-    raise TypeError("a condition stands where a value is needed")
+    raise TypeError("this is a condition, but a value is needed")
 
 
 def _number(value: Any) -> Array:

@@ -20,11 +20,11 @@ class Degradation:
     """A kind of degradation that has a name of its own.
 
     Attributes:
-        description: Which values it sets, with their unit.
+        description: The values that it sets, with their unit.
         places: Finds these values in a scenario, by their paths.
-        grid: The values if none are given; None where they are shares of what the scenario has.
+        grid: The default values; None if they are shares of the values in the scenario.
         is_ascending: Whether greater values are more severe.
-        lacking: What a scenario without such values lacks.
+        lacking: The reason why a scenario has no such values, for messages.
     """
 
     description: str
@@ -107,8 +107,8 @@ def severity_grid(text: str, built: Built) -> SeverityGrid:
         built: The scenario.
 
     Raises:
-        ScenarioError: There is no such degradation, the scenario has nothing that it changes, or the values are none,
-            or are not in the order from mild to severe.
+        ScenarioError: There is no such degradation, the scenario has nothing that it changes, there are no values, or
+            they are not in the order from mild to severe.
     """
     name, equals, values = text.partition("=")
     name = name.strip()
@@ -141,7 +141,7 @@ def _values(text: str) -> list[Any]:
         raise _wrong(text, f"there are {len(values):,} levels; at most {_MOST:,} make sense")
     repeated = next((each for number, each in enumerate(values) if each in values[:number]), None)
     if repeated is not None:
-        raise _wrong(text, f"the level {repeated} is there twice")
+        raise _wrong(text, f"the level {repeated} occurs twice")
     return values
 
 

@@ -76,13 +76,15 @@ class SharedBeginning:
                 raise KeyboardInterrupt
             if comparison.differs:
                 where = f"it differs from {log} after {comparison.now / 1e9:g} s already"
-                raise BranchError(f"there is no branch: {where}; the run does not repeat. See `symaware verify {log}`")
+                raise BranchError(
+                    f"there is no branch: {where}; the run is irreproducible. See `symaware verify {log}`"
+                )
             try:
                 self.state = capture(run, digest, __version__)
                 self._messages = _writer(run).sequence
             except StateError as error:
                 self.obstacle = str(error)
-            run.leave("the branches go on from here")
+            run.leave("the branches continue from here")
 
     def obstacle_of(self, built: Built, overrides: Sequence[Assignment]) -> str | None:
         """Return why a branch cannot continue from the state; None if it can.

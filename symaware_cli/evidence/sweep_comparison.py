@@ -225,7 +225,7 @@ def _draw(
     ]
     if not panels:
         raise LogError(f"{paths[0]} and {paths[1]} have no runs whose numbers or verdicts differ: nothing to draw")
-    seeds = "with the same seeds" if is_paired else "with seeds of their own, so that a pair is only a number"
+    seeds = "with the same seeds" if is_paired else "with different seeds, so that pairs share only their number"
     names = str(paths[0]), str(paths[1])
     if paths[0].resolve().name != paths[1].resolve().name:
         names = paths[0].resolve().name, paths[1].resolve().name

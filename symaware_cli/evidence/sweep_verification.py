@@ -122,7 +122,7 @@ def verify_folder(
         folder: The folder.
         level: The extent of verification.
         sample: The number of rows repeated at the level ``sample``.
-        seed: The seed of their random choice; use one that could not be known beforehand.
+        seed: The seed of their random choice; use an unpredictable one.
         on_progress: Called with the number of repeated runs and the total to repeat.
         with_certificates: Whether to verify the certificates in the folder as well.
 
@@ -211,7 +211,7 @@ def _in_row(folder: SweepFolder, place: int, row: Mapping[str, Any]) -> Iterator
     for name in folder.specifications:
         verdict, robustness = row[f"verdict.{name}"], row[f"robustness.{name}"]
         if robustness and verdict in ("satisfied", "violated") and (robustness > 0.0) != (verdict == "satisfied"):
-            yield Finding(index, f"verdict.{name}", verdict, f"what a robustness of {robustness:g} says")
+            yield Finding(index, f"verdict.{name}", verdict, f"the verdict for a robustness of {robustness:g}")
         by_agent = row[f"{PREFIX}{name}"]
         if by_agent and len(by_agent) < MOST_AGENTS:
             worst = min((each["verdict"] for each in by_agent), key=_VERDICTS.index)
@@ -229,9 +229,9 @@ def _in_identity(then: SweepIdentity, now: SweepIdentity) -> Iterator[Finding]:
     for name in dict.fromkeys([*then.resolved, *now.resolved]):
         values = then.resolved.get(name), now.resolved.get(name)
         if values[0] != values[1] and name != "seed":
-            yield Finding(None, f"{IDENTITY}, resolved.{name}", values[0], f"{values[1]}, says the scenario")
+            yield Finding(None, f"{IDENTITY}, resolved.{name}", values[0], f"{values[1]}, as in the scenario")
     if list(then.specifications) != list(now.specifications):
-        said = f"{list(now.specifications)}, says the scenario"
+        said = f"{list(now.specifications)}, as in the scenario"
         yield Finding(None, f"{IDENTITY}, specifications", then.specifications, said)
 
 
@@ -267,7 +267,7 @@ def _in_log(
         if log.attachments.get("resolved.yaml") != runner.resolved(row.index):
             yield Finding(row.index, "log", "another scenario", "that of this run, as the folder has it")
         if row.state == "done" and (log.outcome or {}).get("status") != "finished":
-            yield Finding(row.index, "log", "a part of a run", "the log of a run that came to its end")
+            yield Finding(row.index, "log", "a part of a run", "the log of a run that reached its end")
         elif row.state == "done" and catalogue is not None:
             yield from _in_specifications(log.path, row, catalogue, not_evaluated)
     except (LogError, ScenarioError, SpecificationError, RunError) as error:
@@ -291,9 +291,9 @@ def _verdict(row: Row, name: str, verdict: str, robustness: float | None, *, is_
     """Yield the difference of a row's verdict or robustness from that of its log."""
     said, known = row.verdicts.get(name), row.robustness.get(name)
     if said != verdict:
-        yield Finding(row.index, f"verdict.{name}", said, f"{verdict}, says the log")
+        yield Finding(row.index, f"verdict.{name}", said, f"{verdict}, as in the log")
     elif not (_equal(known, robustness) if is_exact else _at_least(known, robustness)):
-        yield Finding(row.index, f"robustness.{name}", known, f"{robustness}, says the log")
+        yield Finding(row.index, f"robustness.{name}", known, f"{robustness}, as in the log")
 
 
 def _by_agent(row: Row, evaluated: EvaluatedSpecification) -> Iterator[Finding]:
@@ -312,9 +312,9 @@ def _by_agent(row: Row, evaluated: EvaluatedSpecification) -> Iterator[Finding]:
         robustness = here[agent].robustness if np.isfinite(here[agent].robustness) else None
         known = each["robustness"]
         if each["verdict"] != verdict:
-            yield Finding(row.index, f"{column} {agent}", each["verdict"], f"{verdict}, says the log")
+            yield Finding(row.index, f"{column} {agent}", each["verdict"], f"{verdict}, as in the log")
         elif not (_equal(known, robustness) if evaluated.is_exact else _at_least(known, robustness)):
-            yield Finding(row.index, f"{column} {agent}", known, f"{robustness}, says the log")
+            yield Finding(row.index, f"{column} {agent}", known, f"{robustness}, as in the log")
 
 
 def _at_least(bound: float | None, robustness: float | None) -> bool:

@@ -23,7 +23,7 @@ _Tolerated = Annotated[float, Field(ge=0, description="Greatest difference that 
 
 
 class ColumnTolerance(Section):
-    """How far two numbers may be apart; as far as the greater of the two allows."""
+    """The allowed difference of two numbers: the greater of an absolute and a relative one."""
 
     absolute: _Tolerated = Field(0.0, description="In the unit of the column.")
     relative: _Tolerated = Field(0.0, description="As a share of the greater magnitude of the two.")
@@ -49,7 +49,7 @@ class ChannelTolerance(ColumnTolerance):
 
     columns: dict[str, ColumnTolerance] = Field(
         default_factory=dict,
-        description="Tolerances of some columns in place of that of the channel; * in a name stands for anything.",
+        description="Tolerances of some columns in place of that of the channel; * in a name matches any characters.",
     )
     ignore: bool = Field(False, description="Whether the channel is not compared at all.")
 
@@ -60,12 +60,12 @@ class ToleranceDocument(Section):
     symaware_tolerance: Literal[1] = Field(alias="symaware-tolerance", description="Version of the format.")
     channels: dict[str, ChannelTolerance] = Field(
         description="The tolerance of each channel, such as /agents/robot/control, of an attachment, or of `outcome`; "
-        "* in a name stands for anything, and the first entry counts that matches."
+        "* in a name matches any characters, and the first matching entry applies."
     )
 
 
 class Tolerances:
-    """The tolerances of a comparison; what no entry is about is compared exactly."""
+    """The tolerances of a comparison; values without an entry are compared exactly."""
 
     def __init__(self, document: ToleranceDocument) -> None:
         self._channels = [
@@ -118,7 +118,7 @@ class Tolerances:
 
 
 def _pattern(name: str) -> re.Pattern[str]:
-    """Return the pattern of a name in which * stands for anything."""
+    """Return the pattern of a name in which * matches any characters."""
     return re.compile(".*".join(map(re.escape, name.split("*"))), re.DOTALL)
 
 

@@ -1,4 +1,4 @@
-"""Verification of a log by repeating its run: bitwise equality, or the first difference and the component behind it.
+"""Verification of a log by repeating its run: bitwise equality, or the first difference and its cause.
 
 If the log states that a component repeats its results to a tolerance only, numbers are compared to that.
 """
@@ -52,7 +52,7 @@ class VerificationResult:
         seed: The seed of the run.
         messages: The number of equal messages, from the first on, and of those that differ within the tolerance.
         until: The simulated time until which both were compared [s].
-        is_whole: Whether the log reaches the end of its run; otherwise it was compared as far as it goes.
+        is_whole: Whether the log reaches the end of its run; otherwise it was compared up to its end.
         difference: The first difference; None if all messages are equal.
         writer: The path of the component that wrote the differing value, or ``environment``; "" if unknown.
         attachments: The differences in attachments, outcome and channel metadata about columns.

@@ -60,7 +60,7 @@ class ScenarioFmu(ExportFormat):
             command = [sys.executable, "-c", _BUILD, str(script), str(made), str(copy)]
             done = subprocess.run(command, capture_output=True, text=True, check=False, env=dict(os.environ))
             if done.returncode:
-                reason = (done.stderr.strip().splitlines() or ["nothing was said"])[-1]
+                reason = (done.stderr.strip().splitlines() or ["without an error message"])[-1]
                 raise OutputError(f"cannot make an FMU of {log.path}: {reason}")
             (built,) = made.glob("*.fmu")
             shutil.copy(built, place)

@@ -123,7 +123,7 @@ class Fmu(Model):
             digest = check_archive(path)
             code = FileSet(folders.home, (file,), {file: path.read_bytes()})
             if not is_trusted(code):
-                raise FmuError("an FMU is code, and nobody has said that it is trusted: --trust for one command")
+                raise FmuError("an FMU is code, and it is not trusted: --trust for one command")
             if find_spec("fmpy") is None:
                 raise FmuError(f"FMUs need the module `fmpy`, which is not installed: {INSTALL}")
             hand_down(code)
@@ -258,7 +258,7 @@ class FmuSimulator(StepSimulator):
         try:
             return self._process.call("capture")
         except FmuError as error:
-            raise StateError(f"the state of the FMU `{self._file}` cannot be had: {error}") from error
+            raise StateError(f"the state of the FMU `{self._file}` cannot be retrieved: {error}") from error
 
     def restored(self, state: Any) -> None:
         """Set the states of the instances."""

@@ -47,7 +47,7 @@ class ScriptedPath(StrictModel):
     )
     repeat: bool = Field(
         False,
-        description="Begin anew at the last time, for ever; where the last position is not the first, it jumps there.",
+        description="Repeat the path for ever; if the last position is not the first, the obstacle jumps.",
     )
 
     @model_validator(mode="after")

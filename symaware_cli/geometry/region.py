@@ -111,13 +111,13 @@ class RegionShape(StrictModel):
         "`centre` and a `rotation`.",
     )
     union: tuple[str | RegionShape, ...] | None = Field(
-        None, min_length=1, description="What lies in any of several regions: names of regions, or regions."
+        None, min_length=1, description="Points in any of several regions: names of regions, or regions."
     )
     intersection: tuple[str | RegionShape, ...] | None = Field(
-        None, min_length=1, description="What lies in all of several regions: names of regions, or regions."
+        None, min_length=1, description="Points in all of several regions: names of regions, or regions."
     )
     complement: str | RegionShape | None = Field(
-        None, description="What does not lie in a region: the name of one, or a region."
+        None, description="Points outside of a region: the name of one, or a region."
     )
 
     @model_validator(mode="after")
@@ -215,7 +215,7 @@ class Region(RegionShape):
     """A named set of points of the workspace, which may move with an agent."""
 
     colour: RegionColour | None = Field(
-        None, description="Its colour in pictures. If left out, each region has another one."
+        None, description="Its colour in pictures. If left out, each region has a different one."
     )
     around: str | None = Field(
         None,

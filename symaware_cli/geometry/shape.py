@@ -34,7 +34,7 @@ DiscRadius = Annotated[
     Field(
         gt=0,
         le=LARGEST,
-        description="Radius of the disc that the body is taken for [m]. By default that of the circle around it; "
+        description="Radius of the disc that represents the body [m]. By default that of the circle around it; "
         "half the width of a long body lets it into gaps that it fits into lengthwise.",
     ),
 ]
@@ -78,7 +78,7 @@ class Box(StrictModel):
 
     length: Length = Field(description="Extent along the heading [m].")
     width: Length = Field(description="Extent across the heading [m].")
-    height: Length | None = Field(None, description="Extent upwards [m]; worlds of a plane leave it out of account.")
+    height: Length | None = Field(None, description="Extent upwards [m]; planar worlds ignore it.")
 
     @property
     def upright(self) -> float:
@@ -90,7 +90,7 @@ class Cylinder(StrictModel):
     """An upright cylinder around the entity's position; a disc for agents that move in a plane."""
 
     radius: Length = Field(description="Radius [m].")
-    height: Length = Field(description="Extent upwards [m]; worlds of a plane leave it out of account.")
+    height: Length = Field(description="Extent upwards [m]; planar worlds ignore it.")
 
 
 class Polygon(StrictModel):
@@ -167,8 +167,8 @@ class Mesh(StrictModel):
     """A body with a surface from a file; it collides as its convex hull."""
 
     file: AssetPath = Field(description=f"An .obj or .stl file {_ASSET}.")
-    scale: Length = Field(1.0, description="How many metres a unit of the file is.")
-    radius: Length = Field(description="The disc that it counts as where it is seen from above [m].")
+    scale: Length = Field(1.0, description="Metres per unit of the file.")
+    radius: Length = Field(description="Radius of the disc that represents it, as seen from above [m].")
 
     @field_validator("file")
     @classmethod
@@ -182,11 +182,11 @@ class Urdf(StrictModel):
     """A body of links and joints from a URDF file, with the masses of the file."""
 
     file: AssetPath = Field(description=f"A .urdf file {_ASSET}.")
-    scale: Length = Field(1.0, description="By how much everything in it is enlarged.")
-    radius: Length = Field(description="The disc that it counts as where it is seen from above [m].")
+    scale: Length = Field(1.0, description="Scale factor of all lengths.")
+    radius: Length = Field(description="Radius of the disc that represents it, as seen from above [m].")
     missing: Literal["refuse", "leave-out"] = Field(
         "refuse",
-        description="What becomes of shapes that would collide, but whose meshes are missing. `leave-out` loads the "
+        description="Handling of collision shapes whose meshes are missing. `leave-out` loads the "
         "robot without them: it collides there with nothing, and a warning names them.",
     )
 
@@ -202,7 +202,7 @@ class Mjcf(StrictModel):
     """A body of links and joints from a file in the format of MuJoCo, with the masses of the file."""
 
     file: AssetPath = Field(description=f"An .xml file {_ASSET}.")
-    radius: Length = Field(description="The disc that it counts as where it is seen from above [m].")
+    radius: Length = Field(description="Radius of the disc that represents it, as seen from above [m].")
 
     @field_validator("file")
     @classmethod
@@ -213,12 +213,12 @@ class Mjcf(StrictModel):
 
     @property
     def scale(self) -> float:
-        """By how much everything in it is enlarged; always 1."""
+        """The scale factor of all lengths; always 1."""
         return 1.0
 
     @property
     def missing(self) -> Literal["refuse"]:
-        """What becomes of shapes whose meshes are missing; always a refusal."""
+        """The handling of shapes whose meshes are missing; they are always refused."""
         return "refuse"
 
 

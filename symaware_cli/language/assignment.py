@@ -105,7 +105,7 @@ class Assignment:
 
     @classmethod
     def at(cls, source: Source, path: str, span: TextSpan, value: SourceNode) -> Self:
-        """Takes a path and a value that stand in some file; problems of the path are left in `source.problems`."""
+        """Takes a path and a value from some file; problems of the path are left in `source.problems`."""
         return cls(source, _segments(source, path, span), value)
 
     def __str__(self) -> str:
@@ -193,7 +193,7 @@ class Assignment:
         return SourceNode([*items[:name], replaced, *items[name + 1 :]], node.span)
 
     def _replace_in_one(self, node: SourceNode, depth: int) -> SourceNode:
-        """Replaces something of one agent of a group; nothing else but lists has elements."""
+        """Replaces a value of one agent of a group; otherwise, only lists have elements."""
         name, span = self._segments[depth]
         assert isinstance(name, int)
         group = node.value
@@ -240,7 +240,7 @@ class Assignment:
         return SourceNode({**group, str(key): MappingEntry(group[key].key, components)}, node.span)
 
     def _with_own(self, component: SourceNode, depth: int, row: str) -> SourceNode:
-        """Returns the section of a component with a parameter of one agent, which begins as that of the others."""
+        """Returns the section of a component with a parameter of one agent, initially equal to that of the others."""
         entries = component.value if isinstance(component.value, dict) else {}
         parameter, span = self._segments[depth]
         if not isinstance(parameter, str):
@@ -330,7 +330,10 @@ def _segments(source: Source, path: str, span: TextSpan | None = None) -> _Segme
             source.report("bad-set-path", message, span or _span(source, start, start + len(text)))
         segments.append((stripped, span or _span(source, start, begin)))
         if not _INDICES.fullmatch(indices):
-            message, expected = "an element of a list stands in brackets behind its name", "an index from 0 on, such as"
+            message, expected = (
+                "an element of a list is written in brackets after its name",
+                "an index from 0 on, such as",
+            )
             here = span or _span(source, begin, start + len(text))
             source.report("bad-set-path", message, here, expected=f"{expected} goal[1]")
             indices = ""

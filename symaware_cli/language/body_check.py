@@ -1,4 +1,4 @@
-"""Warns of agents without a body in a world in which there is something to collide with."""
+"""Warns of agents without a body in a world with objects to collide with."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from symaware_cli.language.problem import quoted
 
 
 def check_bodies(document: ScenarioDocument, groups: Sequence[AgentGroup], diagnosis: Diagnosis) -> None:
-    """Warn of each group whose agents pass through others without a contact, unless the scenario says so.
+    """Warn of each group whose agents pass through others without a contact, unless the scenario declares this.
 
     Args:
         document: The validated document.

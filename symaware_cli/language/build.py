@@ -58,7 +58,7 @@ class Built:
         files: Each file as written, including assets such as meshes, by its path relative to the scenario's folder.
         uses: For each group, the entry-point names of its ``model`` and ``components``.
         sections: The objects built from the sections of plugins, by key.
-        section_files: The names of those of the files that sections of plugins read for what they add.
+        section_files: The names of the files, of these, that sections of plugins read for their additions.
         drawn_sections: The keys of the sections that add other bodies or regions in each run.
         find_warnings: Returns warnings about valid but probably unintended values; too slow for the start of a run.
     """

@@ -1,4 +1,4 @@
-"""Finds the installed worlds that have what a scenario needs, for messages: no list of worlds is written down anywhere.
+"""Finds the installed worlds with the features that a scenario needs, for messages; there is no fixed list of worlds.
 
 Reasons: docs/decisions/0081-vehicles-and-cameras.md
 """
@@ -30,7 +30,7 @@ def worlds_that_provide(feature: str, catalogue: Catalogue) -> Sequence[str]:
 
 
 def expected_world(feature: str, catalogue: Catalogue, described: str = "") -> str:
-    """Return what is expected where a world lacks a feature, with the installed worlds that have it.
+    """Describe a world with a feature that is lacking, and name the installed worlds that have it.
 
     Args:
         feature: The feature.
@@ -46,10 +46,10 @@ def expected_world(feature: str, catalogue: Catalogue, described: str = "") -> s
 
 
 def with_other_worlds(error: ScenarioError, catalogue: Catalogue, builds: Callable[[str], bool]) -> ScenarioError:
-    """Add to the problem that a world is not installed which other worlds of forces would run the scenario.
+    """Add, to the problem that a world is not installed, the other worlds with forces that would run the scenario.
 
     Args:
-        error: What is wrong with the scenario.
+        error: The problems of the scenario.
         catalogue: The installed plugins.
         builds: Whether the scenario can be built with another world.
     """
@@ -77,7 +77,7 @@ def _usable(catalogue: Catalogue) -> Iterator[tuple[str, Any]]:
 
 
 def _incomplete(catalogue: Catalogue) -> dict[str, str]:
-    """Return what has to be installed for the worlds that lack an extra, by their names."""
+    """Return the extras that are missing for worlds, by the names of the worlds."""
     found = {}
     for listing in catalogue.listings("environment"):
         try:

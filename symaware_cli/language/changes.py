@@ -15,7 +15,7 @@ Changes = Mapping[str, Any] | Iterable[str] | Iterable[Assignment]
 
 
 def assignments(changes: Changes | None, option: str = "--set") -> tuple[Assignment, ...]:
-    """Return changes as assignments; an option is named by which they are located in messages.
+    """Return changes as assignments, located at an option in messages.
 
     Raises:
         TypeError: A value has a type that scenarios do not support.

@@ -99,7 +99,7 @@ class Composition:
         return Problem(code, message, span, dotted(path), expected, suggestion, line, self._users(path, span))
 
     def _users(self, path: Path, span: TextSpan) -> tuple[str, ...]:
-        """Returns which group has a value from a template, and where it says so; empty for other values."""
+        """Returns the group that has a value from a template, and the line with `like`; empty for other values."""
         likeness = self._likenesses.get(str(path[1])) if path[:1] == ("agents",) and len(path) > 2 else None
         if likeness is None or likeness.own.descendant(path[2:]) is not None or span.file.startswith("--"):
             return ()

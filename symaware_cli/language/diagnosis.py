@@ -57,7 +57,7 @@ class Diagnosis:
 
         Args:
             entry: The path of the entry.
-            to: The path of what stands for it: with the same keys, or a text alone.
+            to: The path at which it is written: with the same keys, or as a single text.
         """
         self._moved[entry] = to
 

@@ -65,8 +65,8 @@ class ComponentUse(Use):
     )
     when_off: Literal["hold", "clear"] = Field(
         "hold",
-        description="What the parts of awareness and the signals that it wrote are while its condition does not hold: "
-        "their last values, or empty.",
+        description="Values of the parts of awareness and signals that it wrote, while its condition does not hold: "
+        "the last ones, or empty.",
     )
     latency: Latency = Field(
         0.0,
@@ -147,7 +147,7 @@ _MOMENT = "a time [s], a condition, or an event: {event: ..., of: ...}"
 
 
 class PresenceSpan(Section):
-    """From when and until when an agent is in the world."""
+    """The interval in which an agent is in the world."""
 
     from_: Latency | Condition | TriggerSection | None = Field(
         None,
@@ -157,8 +157,8 @@ class PresenceSpan(Section):
     )
     apart: Length | None = Field(
         None,
-        description="How far from it the positions of other agents have to be when it enters [m]; it waits until they "
-        "are. By default it enters without regard to others.",
+        description="Least distance of other agents when it enters, between positions [m]; it waits until they are "
+        "that far away. By default it enters without regard to others.",
     )
     until: Seconds | Condition | TriggerSection | None = Field(
         None,
@@ -270,15 +270,15 @@ class Recording(Section):
     )
     events: Literal["all", "notable", "none"] = Field(
         "notable",
-        description="Which events: all, including those of every step, turn or message; only notable "
+        description="Events to record: all, including those of every step, turn or message; only notable "
         "ones; or none except the one that ends the run.",
     )
     messages: Literal["all", "dropped", "none"] = Field(
-        "all", description="Which messages between agents: all, only dropped ones, or none."
+        "all", description="Messages between agents to record: all, only dropped ones, or none."
     )
     omit: list[str] = Field(
         default_factory=list,
-        description="What to omit, for smaller logs: parts of awareness and signals of components by "
+        description="Records to omit, for smaller logs: parts of awareness and signals of components by "
         "name, such as state, intent, uncertainty and risk; requested_control, applied_control, "
         "control for both of them; knowledge, awareness (of others), sensors, world.",
     )
@@ -293,7 +293,7 @@ class ScenarioDocument(Section):
 
     symaware: Literal[1] = Field(description="Version of the scenario format.")
     name: Name = Field(description="The name of the scenario, and of its log.")
-    description: str = Field("", description="What it shows, and what to look for.")
+    description: str = Field("", description="Its purpose, and effects to look for.")
     seed: int = Field(0, ge=0, lt=2**63, description="Seed of all random draws.")
     parameters: dict[str, Any] = Field(
         default_factory=dict, description="Values to refer to elsewhere as ${parameters.NAME}."
@@ -320,11 +320,13 @@ class ScenarioDocument(Section):
         description="Which agents reach which others with messages. By default every agent "
         "reaches every other, at the next step.",
     )
-    faults: dict[Name, FaultUse] = Field(default_factory=dict, description="What goes wrong, by name.")
+    faults: dict[Name, FaultUse] = Field(default_factory=dict, description="Faults by name.")
     regions: dict[Identifier, Region] = Field(
         default_factory=dict, description="Sets of the workspace, by the names that formulas and conditions refer to."
     )
-    specifications: dict[Name, SpecificationUse] = Field(default_factory=dict, description="What is to hold, by name.")
+    specifications: dict[Name, SpecificationUse] = Field(
+        default_factory=dict, description="Formulas that are to hold, by name."
+    )
     subscribers: dict[Name, SubscriberUse] = Field(
         default_factory=dict, description="Functions of plugins that are called at events, by name."
     )

@@ -45,7 +45,7 @@ def execute(
 
 
 def write_log(built: Built, log: Path) -> None:
-    """Run a scenario for its log, within a process that goes on afterwards.
+    """Run a scenario for its log, within a process that continues afterwards.
 
     Raises:
         RunError: The run failed; its log is finished.

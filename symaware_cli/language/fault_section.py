@@ -48,10 +48,10 @@ class FaultUse(Section):
     @model_validator(mode="after")
     def _is_one(self) -> Self:
         if (self.at is None) == (self.on is None):
-            raise ValueError("say when it comes: either `at` or `on`")
+            raise ValueError("give its beginning: either `at` or `on`")
         given = self._given
         if len(given) != 1:
-            raise ValueError(f"say one thing that goes wrong: {', '.join(self.installed)}")
+            raise ValueError(f"give one kind of fault: {', '.join(self.installed)}")
         plugin = self.kinds[given[0]]
         if self.for_ is not None and plugin is not None and not plugin.lasts:
             raise ValueError(f"a {given[0]} has no `for`: it happens at once")

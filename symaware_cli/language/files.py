@@ -37,8 +37,8 @@ def open_scenario(
 ) -> Built:
     """Build the scenario of a file or of a log.
 
-    The run of a log gets what came from outside of the original run, such as commands of another program, from the log.
-    With changes or another seed that would answer what was not asked: it then comes from outside again.
+    The run of a log gets the external inputs of the original run, such as commands of another program, from the log.
+    With changes or another seed these would not fit, so inputs come from outside again.
 
     Args:
         path: The scenario or the log.

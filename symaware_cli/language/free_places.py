@@ -172,7 +172,7 @@ class FreeRoom:
         if isinstance(placement.within, str):
             bounds = _both(bounds, self._bounds_of(self._regions[placement.within]))
         if bounds is None:
-            raise PlacementError("it needs to be said where: `within: [x, x, y, y]`")
+            raise PlacementError("it needs an area: `within: [x, x, y, y]`")
         if bounds[0] >= bounds[1] or bounds[2] >= bounds[3]:
             raise PlacementError(f"the region {quoted(str(placement.within))} is not in the map")
         from symaware_cli.specification import PlacedRegion

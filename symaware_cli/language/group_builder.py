@@ -78,7 +78,7 @@ class ComponentCheck:
             component: The component; it has the knowledge that it needs.
             path: The path of its section.
             use: Its entry-point name.
-            wrong: The names of components of the group that are themselves wrong, which is reported there.
+            wrong: The names of components of the group that are themselves invalid, which is reported there.
             parameters: The path of its parameters; by default ``with`` in its section.
         """
         parameters = parameters or (*path, "with")
@@ -247,7 +247,7 @@ class GroupBuilder:
             name: The name of the group.
             entry: The group, as plain data.
             model: The model; None if there is only its class.
-            unknown: What coordinates are if agents are not placed yet.
+            unknown: The value of the coordinates of agents that are not placed yet.
         """
         path: Path = ("agents", name)
         count = entry.get("count")
@@ -281,7 +281,7 @@ class GroupBuilder:
         return model
 
     def _fits(self, model: Model, name: str) -> bool:
-        """Let a model receive the body of its agents, and report it if that does not suit."""
+        """Pass the body of its agents to a model, and report a body that does not suit."""
         if self._document is None:
             return True
         entity, folders = self._document.agents[name].entity, asset_folders(self._document, self._folder)

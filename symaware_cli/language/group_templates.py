@@ -18,12 +18,12 @@ TEMPLATES, LIKE = "templates", "like"
 
 @dataclass(frozen=True, slots=True)
 class Likeness:
-    """What a group is like.
+    """The templates of a group.
 
     Attributes:
-        own: What the group says itself.
+        own: The content of the group itself.
         names: The templates and groups that it is like.
-        line: The line that says so.
+        line: The line with `like`.
     """
 
     own: SourceNode
@@ -32,12 +32,12 @@ class Likeness:
 
 
 def is_about_templates(path: Path) -> bool:
-    """Return whether a change of the document concerns a template, or what a group is like."""
+    """Return whether a change of the document concerns a template, or the `like` of a group."""
     return path[:1] == (TEMPLATES,) or (path[:1] == ("agents",) and len(path) == 3 and path[2] == LIKE)
 
 
 def expanded(root: SourceNode, sources: Mapping[str, Source]) -> tuple[SourceNode, Mapping[str, Likeness]]:
-    """Return a document in which each group has what it is like, and these groups by name.
+    """Return a document with the templates merged into groups that are like them, and these groups by name.
 
     Problems are added to the sources.
     """
@@ -89,7 +89,7 @@ class _Expansion:
         return self._whole((TEMPLATES, name))
 
     def _whole(self, place: tuple[str, str]) -> SourceNode:
-        """Return a template or group with what it is like."""
+        """Return a template or group, merged with those that it is like."""
         if place in self._done:
             return self._done[place]
         node = self._all[place]
@@ -115,7 +115,7 @@ class _Expansion:
         return self._done[place]
 
     def _named(self, node: SourceNode, path: Path) -> Iterator[tuple[str, tuple[str, str]]]:
-        """Yield what is named under `like`, with its place."""
+        """Yield the names under `like`, with their places."""
         for each in node.value if isinstance(node.value, list) else [node]:
             name = each.value
             if not isinstance(name, str):
@@ -129,7 +129,7 @@ class _Expansion:
                 self._report("unknown-template", message, each, path, expected, suggestion)
             elif place in self._open:
                 cycle = " -> ".join([*(inner for _, inner in self._open[self._open.index(place) :]), name])
-                self._report("cyclic-like", f"nothing is like itself: {cycle}", each, path)
+                self._report("cyclic-like", f"a group cannot be like itself: {cycle}", each, path)
             else:
                 yield name, place
 

@@ -198,7 +198,7 @@ def _describe_values(schema: dict[str, Any]) -> None:
     groups = schema["properties"]["agents"]
     schema["properties"][TEMPLATES] = {
         "type": "object",
-        "description": "What groups are `like`, by name: keys of groups.",
+        "description": "Templates of groups, for `like`, by name: keys of groups.",
         "patternProperties": dict.fromkeys(groups["patternProperties"], partial),
     }
     groups["patternProperties"] = dict.fromkeys(groups["patternProperties"], whole)

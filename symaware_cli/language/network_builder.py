@@ -188,7 +188,7 @@ class NetworkBuilder:
     def _queues_are_consistent(
         self, base: ChannelParameters, overrides: Sequence[ChannelOverride], *, narrowed: bool
     ) -> bool:
-        """Check that parameters of queues have those that they need, in the same channel or in another of the links."""
+        """Check that queues have the parameters that they need, in the same channel or in another of the links."""
         parts: list[tuple[Path, ChannelParameters, ChannelOverride | None]] = [((*_SECTION, "channel"), base, None)]
         parts += [
             ((*_SECTION, "links", number, "channel"), each.channel, each) for number, each in enumerate(overrides)

@@ -53,7 +53,7 @@ def with_own_plugins(
         path, expected = ("plugins", names.index(error.name)), error.expected
         message = str(error)
         if error.code == "untrusted-file":
-            message = f"`{error.name}` is code, and nobody has said that it is trusted"
+            message = f"`{error.name}` is code, and it is not trusted"
             expected = f"your consent: read it, then `symaware trust {_folder(diagnosis)}`, or --trust for one command"
         diagnosis.report(error.code, message, path, expected=expected)
         return catalogue, None

@@ -1,4 +1,4 @@
-"""Where the installed SymAware came from: a commit or a wheel, as pip and Git note it (PEP 610)."""
+"""Where the installed SymAware came from: a commit or a wheel, as recorded by pip and Git (PEP 610)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _COMMIT = re.compile("[0-9a-f]{40}|[0-9a-f]{64}")
 
 @cache
 def package_origin() -> str | None:
-    """Return where SymAware came from, without paths of this machine; None if nobody noted it.
+    """Return where SymAware came from, without paths of this machine; None if it was not recorded.
 
     It is ``git+URL@COMMIT``, ``commit COMMIT`` of a checkout, or ``FILE, SHA-256 HASH`` of a wheel.
     """

@@ -43,7 +43,7 @@ class CirclePlacement(Section):
         0.0, description="Direction from the centre to the first agent [rad]; pi more is the far side."
     )
     heading: Literal["inward", "outward", "along"] = Field(
-        "inward", description="Where agents look, for models that have a heading."
+        "inward", description="Direction in which agents face, for models that have a heading."
     )
 
     def poses(self, count: int) -> tuple[Array, Array]:

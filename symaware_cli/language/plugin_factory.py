@@ -38,7 +38,7 @@ class PluginFactory:
             diagnosis: Has the composed document, and takes problems.
             catalogue: The plugins.
             folder: The folder of the scenario.
-            is_complete: Whether it has all of them, so that a name that it does not have is wrong.
+            is_complete: Whether the catalogue has all plugins, so that other names are errors.
         """
         self.plugins: dict[Path, Any] = {}
         self.parameters: list[Path] = []
@@ -143,7 +143,7 @@ class PluginFactory:
         return found
 
     def exclude_failing_kinds(self, data: Mapping[str, Any]) -> bool:
-        """Set the kinds of faults to None whose parameters raise exceptions, and report them; whether there are any."""
+        """Set kinds of faults whose parameters raise exceptions to None, and report them; return whether any do."""
         known = dict(self.kinds)
         for name, fault in mapping(data.get("faults")).items():
             for key, content in mapping(fault).items():
@@ -195,7 +195,7 @@ class PluginFactory:
             entry: The entry.
             path: Its path.
             given: The parameters.
-            where: Where those are written that differ from the entry's.
+            where: The place of the parameters that differ from the entry's.
             count: The number of instances.
         """
         plugin = self.plugins.get(path)

@@ -81,7 +81,7 @@ class PresenceBuilder:
         ]
 
     def _interval(self, group: AgentGroup, rows: Sequence[int], given: Presence, path: Path) -> list[PresenceInterval]:
-        """Return the intervals of some agents of a group, from what is given for all of them."""
+        """Return the intervals of some agents of a group, from the entry for all of them."""
         self._check_order(given, path)
         spans = [self._span(group, rows, given, path, "scenario present")]
         for number, each in enumerate(given.again):
@@ -104,7 +104,7 @@ class PresenceBuilder:
                 message = "an agent that returns has to leave before: `until` is missing"
                 self._report("missing-field", message, place, expected="`until`: when it leaves")
             if each.from_ is None:
-                self._report("missing-field", "when does it return? `from` is missing", here, expected="`from`")
+                self._report("missing-field", "`from` is missing: when it returns", here, expected="`from`")
             elif (
                 isinstance(each.from_, int | float)
                 and isinstance(before.until, int | float)

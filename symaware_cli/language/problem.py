@@ -44,7 +44,7 @@ class Problem:
         expected: A description of valid values, worded to follow "expected".
         suggestion: The nearest valid name.
         source_line: The whole line of `span`.
-        users: The groups that have the value from a template or another group, each with the line that says so.
+        users: The groups that have the value from a template or another group, each with the line of its `like`.
     """
 
     code: str

@@ -31,7 +31,7 @@ def check_requirements(
         groups: The groups that could be built.
         entries: Their component entries.
         diagnosis: Takes problems.
-        catalogue: The installed plugins, for worlds that would do.
+        catalogue: The installed plugins, to name suitable worlds.
     """
     agents = [id for group in groups for id in group.ids]
     names = {

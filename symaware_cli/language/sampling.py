@@ -143,7 +143,9 @@ class Sampler:
         places = [(*path, *form, *inner) for form in forms]
         where = next((place for place in places if self._composition.has(place)), path)
         expected = f"a number from {-most:g} to {most:g}"
-        self._report("out-of-range", f"{quoted(dotted(where))} comes to {said_of(number)}", where, expected=expected)
+        self._report(
+            "out-of-range", f"{quoted(dotted(where))} evaluates to {said_of(number)}", where, expected=expected
+        )
 
     def _values(self, value: Any, path: Path, width: int | None) -> list[Any] | Array | None:
         """Determine the value of each agent; None after a problem."""
@@ -226,7 +228,7 @@ class Sampler:
             return False
         expected = f"exactly one of {', '.join(forms)}"
         if known:
-            beside = f"{quoted((others or known[1:])[0])} cannot stand beside {quoted(known[0])}"
+            beside = f"{quoted((others or known[1:])[0])} cannot be combined with {quoted(known[0])}"
             culprit = (*path, (others or known[1:])[0])
             self._report("bad-distribution", beside, culprit, key=True, expected=expected)
             return True
@@ -344,8 +346,8 @@ class Sampler:
     def _columns(self, value: Any, path: Path) -> list[Any] | None:
         """Draw the values of all agents element by element, instead of agent by agent.
 
-        The value is sound: that of the first agent is known. None unless it is a list of numbers and distributions of
-        single numbers.
+        The value must be valid for the first agent. None unless it is a list of numbers and distributions of single
+        numbers.
         """
         if not isinstance(value, list):
             return None

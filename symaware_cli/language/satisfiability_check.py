@@ -48,7 +48,7 @@ def check_satisfiable(
             expected = f"a longer run: its windows reach {seconds(horizon * time_step):g} s ahead"
         diagnosis.warn(
             "unsatisfiable",
-            f"{quoted(each.name)} cannot be satisfied in a run of {instants:,} instants, whatever its predicates are",
+            f"{quoted(each.name)} cannot be satisfied in a run of {instants:,} instants, for any predicates",
             ("specifications", each.name, "formula"),
             expected=expected,
         )

@@ -75,7 +75,7 @@ class ScenarioCheck:
                     view.report(said, "use", key=False, code="broken-plugin")
 
     def find_warnings(self) -> None:
-        """Collect what plugins warn of."""
+        """Collect the warnings of plugins."""
         for plugin, view in self._views(True):
             plugin.find_warnings(view)
 
@@ -90,7 +90,7 @@ class ScenarioCheck:
 
 
 def _place_named(view: _View, said: str) -> Path:
-    """Return where the first specification is named that a message mentions, below the plugin's section."""
+    """Return the place below the plugin's section of the first specification that a message mentions."""
     component = None if view.entry is None else view.entry.components[0]
     if component is None or component.specifications is None:
         return ()

@@ -28,14 +28,14 @@ from symaware_cli.world import PluginKind
 
 @dataclass(frozen=True)
 class Additions:
-    """What a section adds to its scenario.
+    """The additions of a section to its scenario.
 
     Attributes:
         entities: Bodies that become part of the world, by name.
         regions: Sets of the workspace, by the names that formulas and conditions refer to.
         bounds: The area that these describe [m], [x, x, y, y]: by default, agents are placed in it. None without one.
-        free: The name of the region, among these, in which all agents are that are placed in free space.
-        is_drawn: Whether they depend on the seed, so that every run has others.
+        free: The name of the region, among these, that contains all agents that are placed in free space.
+        is_drawn: Whether they depend on the seed, so that they differ between runs.
         specifications: Formulas that are monitored like those under `specifications`, by name.
     """
 
@@ -65,7 +65,7 @@ class InitialAgents(ABC):
 
     @abstractmethod
     def known(self, name: str) -> Sequence[Any]:
-        """Return what each knows under a name; None for one that knows nothing under it.
+        """Return the knowledge of each agent under a name; None for agents without it.
 
         Coordinates that are determined when sections have been built are NaN.
         """
@@ -75,11 +75,11 @@ class SectionContext(ABC):
     """The surroundings of a section while it is built; takes the problems of the section.
 
     Attributes:
-        document: The validated scenario; None if it has problems: then the section is built only to check it. It has
-            what sections add when sections are built, and not yet when they are asked for it.
+        document: The validated scenario; None if it has problems: then the section is built only to check it. It
+            contains the additions of sections in `build`, but not yet in `additions`.
         folder: The folder of the scenario; it contains the files that the scenario refers to.
         folders: This folder, and those that the scenario names under `assets`.
-        regions: The regions of the scenario, by name; those that sections add are among them when sections are built.
+        regions: The regions of the scenario, by name; with those that sections add in `build`.
     """
 
     document: Any
@@ -160,7 +160,7 @@ class ScenarioSection:
         return iter(())
 
     def additions(self, written: Any, context: SectionContext) -> Additions:
-        """Return what the section adds to the scenario: bodies of the world, regions, and specifications.
+        """Return the additions of the section to the scenario: bodies of the world, regions, and specifications.
 
         Called before `build`, on the same object, and only for a valid scenario. Problems are reported to the context.
 

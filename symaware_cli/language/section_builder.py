@@ -22,10 +22,10 @@ class SectionBuilder:
 
     Attributes:
         built: The object built from each section, by key.
-        files: The files that were read for what sections add, by their paths relative to the scenario's folder.
-        drawn: The keys of the sections that add something else in each run.
-        areas: The areas of what sections add [m], [x, x, y, y].
-        free: The names of the regions in which agents are that are placed in free space.
+        files: The files that were read for additions of sections, by their paths relative to the scenario's folder.
+        drawn: The keys of the sections whose additions differ between runs.
+        areas: The areas of the additions [m], [x, x, y, y].
+        free: The names of the regions that contain the agents placed in free space.
     """
 
     def __init__(
@@ -64,7 +64,7 @@ class SectionBuilder:
             document: The validated document; None if it is invalid.
 
         Returns:
-            The document with what sections add to it.
+            The document with the additions of sections.
         """
         sections: dict[str, ScenarioSection] = {}
         added: dict[str, Additions] = {}
@@ -94,7 +94,7 @@ class SectionBuilder:
         return document
 
     def _attempt(self, key: str, document: ScenarioDocument | None, step: Callable[..., Any], *given: Any) -> Any:
-        """Call a step of the building of a section, with its context if it takes more; None if it fails."""
+        """Call a step of building a section, with the context if it has arguments; None if it fails."""
         context = _Context(key, document, self._folders, self._factory, self._diagnosis, self._agents)
         try:
             return step(*given, context) if given else step()
@@ -107,7 +107,7 @@ class SectionBuilder:
             return None
 
     def _extended(self, document: ScenarioDocument, added: Mapping[str, Additions]) -> ScenarioDocument:
-        """Return the document with what sections add, and report names that are taken."""
+        """Return the document with the additions of sections, and report names that are taken."""
         entities: dict[str, Obstacle] = dict(document.environment.entities)
         regions: dict[str, Region] = dict(document.regions)
         owners = {name: f"the {kind}" for kind, names in (("entity", entities), ("region", regions)) for name in names}

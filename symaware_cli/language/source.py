@@ -128,7 +128,7 @@ class Source:
         self.root: SourceNode | None = None
 
     def copy(self) -> "Source":
-        """Returns the same text with the same problems, to which others may be added."""
+        """Returns a copy with the same text and problems, to which others may be added."""
         copied = Source(self.name, self.raw, self.text)
         copied.problems += self.problems
         return copied

@@ -12,7 +12,7 @@ from symaware_cli.world import Seconds
 
 
 class OfferSection(Section):
-    """How a specification is offered to agents while the run goes on."""
+    """How a specification is offered to agents during the run."""
 
     at: Seconds | TriggerSection = Field(
         description="When it is offered [s]; or an event: then it is offered at the next step after the event has "
@@ -22,7 +22,7 @@ class OfferSection(Section):
         None,
         gt=0,
         le=1e9,
-        description="How long it can be accepted, from the offer and from each time at which it becomes open again "
+        description="Time to accept it, from the offer and from each time at which it becomes open again "
         "[s]. Then it is rejected. The rest of the run if left out.",
     )
     epsilon: float | None = Field(
@@ -30,33 +30,33 @@ class OfferSection(Section):
     )
     to: Target | list[Target] | None = Field(
         None,
-        description="Who is told of it, in the knowledge `offers`: a group, or a list of ids and groups. By default "
+        description="Agents that get it in the knowledge `offers`: a group, or a list of ids and groups. By default "
         "the agents of `each`. Others learn of it by messages.",
     )
     knowledge: dict[Name, Any] = Field(
-        default_factory=dict, description="What is told with it, as plain values by name, such as `goal: [3, 4]`."
+        default_factory=dict, description="Data of the offer, as plain values by name, such as `goal: [3, 4]`."
     )
 
 
 class SpecificationUse(Section):
-    """A formula about the run that is monitored while it goes on."""
+    """A formula that is monitored during the run."""
 
     formula: str = Field(
         max_length=2000,
-        description="What is to hold, such as `always (inside(position, arena) and nearest > 0.6)`. Operators: always, "
+        description="Formula to hold, such as `always (inside(position, arena) and nearest > 0.6)`. Operators: always, "
         "eventually, until, once, historically and since, each with a window in seconds such as [0, 5] if it is to be "
         "limited; next, and, or, not, implies.",
     )
-    each: Name | None = Field(None, description="The group of whose agents there is a verdict each.")
+    each: Name | None = Field(None, description="The group whose agents each have a verdict.")
     pairs: Target | list[tuple[Target, Target]] | None = Field(
         None,
-        description="The pairs of agents of which there is a verdict each: a group, for all pairs in it, or a list of "
+        description="The pairs of agents that each have a verdict: a group, for all pairs in it, or a list of "
         "pairs [first, second] of ids or groups. Without `each` and `pairs` the formula is about the world.",
     )
     of: Literal["truth", "belief", "awareness"] = Field(
         "truth",
-        description="truth: the formula is about what is true; belief: about what each agent believes; awareness: "
-        "about what the first agent of each pair believes about the second, beside what is true.",
+        description="truth: the formula is about true values; belief: about the beliefs of each agent; awareness: "
+        "about beliefs of the first agent of each pair about the second, and true values.",
     )
     logic: Literal["stl", "ltl"] = Field(
         "stl",
@@ -64,7 +64,7 @@ class SpecificationUse(Section):
         "both; what is undecided is presumed to be satisfied or violated.",
     )
     where: dict[Identifier, str] = Field(
-        default_factory=dict, description="Formulas to refer to by name, each also by those that follow it."
+        default_factory=dict, description="Named formulas, which later ones and the formula itself may refer to."
     )
     from_: Seconds | TriggerSection = Field(
         0.0,
@@ -74,13 +74,13 @@ class SpecificationUse(Section):
     to: Seconds | None = Field(None, description="The last instant that counts [s]; the end of the run if left out.")
     offer: OfferSection | None = Field(
         None,
-        description="It is not in force by itself, but offered while the run goes on: it is about the one agent of "
+        description="It is not in force by itself, but offered during the run: it is about the one agent of "
         "`each` that accepts it. It is to hold from `from`, by default from when it was first offered, whenever that "
         "agent accepts.",
     )
     on_violation: Literal["continue", "end", "event"] = Field(
         "continue",
-        description="What a violation does: the run goes on; it ends; or it goes on, with a warning. In every "
+        description="The effect of a violation: the run continues; ends; or continues with a warning. In every "
         "case an event `violated` fires, on which components can take turns.",
     )
     interval: bool = Field(
@@ -92,11 +92,11 @@ class SpecificationUse(Section):
     @model_validator(mode="after")
     def _is_of_one_scope(self) -> Self:
         if self.each is not None and self.pairs is not None:
-            raise ValueError("say either `each` or `pairs`")
+            raise ValueError("give either `each` or `pairs`")
         if self.of == "belief" and self.each is None:
-            raise ValueError("what is believed is believed by agents: say of which group, with `each`")
+            raise ValueError("beliefs are those of agents: name their group with `each`")
         if self.of == "awareness" and self.pairs is None:
-            raise ValueError("awareness is of one agent about another: say of which, with `pairs`")
+            raise ValueError("awareness is of one agent about another: name them with `pairs`")
         if self.to is not None and not isinstance(self.from_, TriggerSection) and self.to < self.from_:
             raise ValueError("`to` comes before `from`")
         if self.offer is not None:
@@ -105,9 +105,9 @@ class SpecificationUse(Section):
 
     def _check_offer(self, offer: OfferSection) -> None:
         if self.each is None:
-            raise ValueError("what is offered is accepted by an agent: say of which group, with `each`")
+            raise ValueError("an offered specification is accepted by an agent: name its group with `each`")
         if isinstance(self.from_, TriggerSection):
-            raise ValueError("what is offered begins with the offer or at a time: let `offer.at` be the event")
+            raise ValueError("an offered specification begins with the offer or at a time: make the event `offer.at`")
         if isinstance(offer.at, TriggerSection):
             return
         if "from_" in self.model_fields_set and self.from_ < offer.at:

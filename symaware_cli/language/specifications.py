@@ -59,7 +59,7 @@ class SpecificationBuilder:
         """Prepare.
 
         Args:
-            check: Understands expressions and events, and takes problems.
+            check: Parses expressions and events, and takes problems.
             environment: The world.
             groups: All groups.
             entries: All components.
@@ -100,7 +100,7 @@ class SpecificationBuilder:
             if use is None:
                 self._unknown(name, "specification", (*path, place), document.specifications)
             elif use.of != "truth":
-                said = f"{quoted(name)} is about beliefs, and what an agent will believe is not predicted"
+                said = f"{quoted(name)} is about beliefs, and future beliefs are not predicted"
                 self._report("unsuitable", said, (*path, place), expected="a specification of the truth")
             elif (use.each not in (None, group) and not component.specifications_of_others) or (
                 use.each is None and use.pairs is None
@@ -153,7 +153,7 @@ class SpecificationBuilder:
             trigger = trigger_of(event.event, event.of)
             if use.each is None and trigger.source is None:
                 said = "an event of an agent's own components belongs to a specification with `each`"
-                self._report("invalid-value", said, place, expected="an `of` that says whose event")
+                self._report("invalid-value", said, place, expected="an `of` that names the source of the event")
                 return None
             self._check.source(trigger, use.each, self._entries, place)
             self.triggers[name] = trigger
@@ -202,7 +202,7 @@ class SpecificationBuilder:
         for id in told:
             group, row = self._ids[id]
             if group.knowledge[row].setdefault(OFFERS, {}):
-                said_of = f"`{OFFERS}` is the knowledge in which agents are told of what is offered"
+                said_of = f"`{OFFERS}` is the knowledge that contains the offers to agents"
                 self._report("invalid-value", said_of, ("agents", group.name, "knowledge", OFFERS), key=True)
                 return None
         return Offer(

@@ -1,4 +1,4 @@
-"""Finds the agents and components that faults are about, by ids, groups or patterns."""
+"""Finds the agents and components that faults affect, by ids, groups or patterns."""
 
 from __future__ import annotations
 

@@ -122,7 +122,7 @@ class _TomlNodeBuilder:
 
 
 class _UnreadableError(Exception):
-    """What follows is not TOML."""
+    """The following text is not TOML."""
 
     def __init__(self, index: int) -> None:
         super().__init__()
@@ -132,8 +132,8 @@ class _UnreadableError(Exception):
 class _SpanTable:
     """The spans of all keys and values of a TOML document.
 
-    tomllib has no positions. This walks over texts that it accepts, or rejects for a key that is given twice; what is
-    not TOML is passed over, to the end of its line.
+    tomllib has no positions. This walks over texts that it accepts, or rejects for a key that is given twice; other
+    text is skipped, to the end of its line.
 
     Attributes:
         keys: The span of the key of each path.
@@ -210,7 +210,7 @@ class _SpanTable:
         return path, position
 
     def _current(self, path: Path) -> Path:
-        """Returns the path of the table that a name means now: in an array of tables, the last one."""
+        """Returns the path of the table that a name denotes at present: in an array of tables, the last one."""
         return (*path, self._arrays[path] - 1) if path in self._arrays else path
 
     def _add_span(self, path: Path, span: TextSpan) -> None:
@@ -218,7 +218,7 @@ class _SpanTable:
         self.values.setdefault(path, span)
 
     def _pair(self, table: Path | None, position: int) -> int:
-        """Reads `key = value` and returns the index behind it; records nothing where the table is None."""
+        """Reads `key = value` and returns the index behind it; records nothing if the table is None."""
         names, position = self._names(position)
         position = self._after(_SPACE, self._expect("=", position))
         if table is None or len(table) > MAX_DEPTH:
@@ -237,7 +237,7 @@ class _SpanTable:
         return self._value(path, position)
 
     def _value(self, path: Path | None, start: int) -> int:
-        """Reads a value and returns the index behind it; records it and what is in it where the path is not None."""
+        """Reads a value and returns the index behind it; records it and its content if the path is not None."""
         inner = None if path is None or len(path) > MAX_DEPTH else path
         opening = self._text[start : start + 1]
         if opening == "[":
@@ -306,7 +306,7 @@ class _SpanTable:
         return position + len(mark)
 
     def _after(self, pattern: re.Pattern[str], position: int) -> int:
-        """Returns the index behind what a pattern matches, which may be nothing."""
+        """Returns the index behind the match of a pattern, which may be empty."""
         found = pattern.match(self._text, position)
         return found.end() if found else position
 

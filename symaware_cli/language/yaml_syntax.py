@@ -80,7 +80,7 @@ def report_syntax_error(source: Source, error: yaml.YAMLError) -> None:
 
 
 def _colon_without_space(source: Source, here: "_Position") -> TextSpan | None:
-    """Find the colon that joins a key and its value to one text, so that what follows fits nothing."""
+    """Find the colon that joins a key and its value to one text, so that the following line does not fit."""
     above = next((line for line in range(here.line - 1, 0, -1) if (source.line_text(line) or "").strip()), here.line)
     for line in (here.line, above):
         joined = re.match(r" *[A-Za-z_][\w.-]*:(?=[^\s:/])", source.line_text(line) or "")
@@ -144,8 +144,8 @@ def _report_second_colon(source: Source, here: _Position) -> None:
 def _report_misfit(source: Source, here: _Position, opening: _Position) -> None:
     if here.before.strip() == "" and here.column != opening.column:
         message = (
-            f"this line is indented by {here.column - 1}, which fits nothing above; "
-            f"what started on line {opening.line} is indented by {opening.column - 1}"
+            f"this line is indented by {here.column - 1}, which matches nothing above; "
+            f"the block from line {opening.line} is indented by {opening.column - 1}"
         )
         source.report("bad-indentation", message, here.span)
         return

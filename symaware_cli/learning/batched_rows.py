@@ -46,7 +46,7 @@ def refusal_of_rows(episodes: Episodes, built: Built, *, mixes: bool) -> str | N
     if mixes:
         given = [name for name, each in episodes.functions._asdict().items() if each is not None]
         if given:
-            return f"the function `{given[0]}` does not say that it computes the rows of many environments"
+            return f"the function `{given[0]}` does not declare that it computes the rows of many environments"
     if built.options.until is not None:
         return "`run.until` ends runs at different steps"
     for entry in built.simulation.entries:

@@ -239,7 +239,7 @@ class Episodes:
         self.built: Built = self._build(seed)
         task = self.built.sections.get("learning")
         if not isinstance(task, LearningTask):
-            raise LearningError("say which agents learn: `agents=`, or a section `learning` in the scenario")
+            raise LearningError("name the agents that learn: `agents=`, or a section `learning` in the scenario")
         if task.inputs is not None:
             raise LearningError("this scenario repeats an episode: `learning.inputs` has its actions")
         self.task = task

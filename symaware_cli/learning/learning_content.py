@@ -11,7 +11,7 @@ from symaware_cli.language import Section
 
 
 class NearestOthers(Section):
-    """The nearest others that an agent is aware of, relative to where it believes to be; zeros if there are fewer."""
+    """The nearest others that an agent is aware of, relative to its believed position; zeros if there are fewer."""
 
     nearest: int = Field(ge=1, le=1000, description="Number of others.")
     of: list[Literal["position", "velocity", "distance", "present"]] = Field(

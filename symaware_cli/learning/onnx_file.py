@@ -64,7 +64,7 @@ class OnnxError(ValueError):
 
 
 class UnsupportedOperatorError(OnnxError):
-    """A file has an operator that our kernels do not compute; another runtime may."""
+    """A file has an operator without a kernel of this package; another runtime may compute it."""
 
 
 class OnnxValue(NamedTuple):

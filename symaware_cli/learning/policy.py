@@ -27,7 +27,7 @@ Array = NDArray[np.float64]
 _PLACE = ("policy", "file")
 
 Runtime: TypeAlias = Literal["own", "onnxruntime"]
-"""What computes a network: kernels of ours, to the bit on every processor, or a library with all operators of ONNX."""
+"""The runtime of networks: own kernels, equal to the bit on every processor, or a library with all of ONNX."""
 
 _RUNTIMES: Mapping[Runtime, type[PolicyNetwork | RuntimeNetwork]] = {
     "own": PolicyNetwork,
@@ -108,14 +108,14 @@ class PolicyFile(PluginParameters):
     file: AssetPath = Field(description="An .onnx file below the scenario's folder.")
     runtime: Runtime = Field(
         "own",
-        description="What computes it: `own`, the same bytes on every processor, or `onnxruntime`, which has more "
+        description="Runtime: `own`, the same bytes on every processor, or `onnxruntime`, which has more "
         "operators, and whose results depend on the processor.",
     )
     tolerance: float | None = Field(
         None,
         gt=0.0,
-        description="How far numbers in the log of a repeated run may be off with `onnxruntime`, absolutely or "
-        "relatively; by default 1e-6.",
+        description="Tolerance of numbers in the log of a repeated run with `onnxruntime`, absolute and relative; "
+        "by default 1e-6.",
     )
 
     @model_validator(mode="after")

@@ -71,7 +71,7 @@ class ActionNetwork(ABC):
 
 
 class PolicyNetwork(ActionNetwork):
-    """A network that our kernels compute."""
+    """A network that is computed by the kernels of this package."""
 
     def __init__(self, graph: OnnxGraph) -> None:
         """Prepare.

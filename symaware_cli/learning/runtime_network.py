@@ -1,4 +1,4 @@
-"""Networks of policies that onnxruntime computes, for operators of which we have no kernels.
+"""Networks of policies that onnxruntime computes, for operators without a kernel of this package.
 
 Reasons: docs/decisions/0112-policies-of-other-operators.md
 """
@@ -57,7 +57,7 @@ class RuntimeNetwork(ActionNetwork):
         """Prepare, and compute the action for an observation of zeros.
 
         Args:
-            graph: What was read of the file.
+            graph: The content of the file.
             content: The file.
 
         Raises:

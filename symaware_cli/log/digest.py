@@ -38,7 +38,7 @@ def digest(log: Log) -> Digest:
     """Compute the digest of a log in one pass.
 
     Args:
-        log: The log; for a damaged one, the digest of what can be read.
+        log: The log; for a damaged one, the digest of its readable part.
 
     Raises:
         LogError: The file can no longer be read.

@@ -52,7 +52,7 @@ _FAILING = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.ENODEV, er
 
 
 def is_about_path(error: OSError) -> bool:
-    """Whether another path would do: an error of the operating system is not about the disk's state or its room."""
+    """Whether another path would help: the error concerns neither the state of the disk nor its free space."""
     return error.errno not in _FAILING
 
 

@@ -25,7 +25,7 @@ def columns_metadata(quantities: Sequence[Quantity]) -> dict[str, str]:
 
 
 def column_quantities(metadata: Mapping[str, str]) -> list[Quantity]:
-    """Read the names and units that the metadata of a channel give its columns; units that are missing are empty."""
+    """Read the names and units that the metadata of a channel give its columns; missing units are empty."""
     names, units = (metadata[key].split(",") if metadata.get(key) else [] for key in ("columns", "units"))
     return [Quantity(*each) for each in zip_longest(names, units[: len(names)], fillvalue="")]
 

@@ -48,7 +48,7 @@ class GeometryWriter:
 
     Attributes:
         attachments: Media type and content by name, in the order in which they are written.
-        notes: Descriptions of what was left out.
+        notes: Descriptions of the omitted geometry.
     """
 
     def __init__(self, environment: Environment, files: Mapping[str, bytes]) -> None:

@@ -55,7 +55,7 @@ class PostureChannels:
     """The channels of the orientation and joint positions of bodies in a spatial world."""
 
     def __init__(self, writer: LogWriter, environment: Environment, name: str) -> None:
-        """Open the channels for what `EntityChannels` does not record.
+        """Open the channels for the quantities that `EntityChannels` does not record.
 
         Args:
             writer: The log.
@@ -185,7 +185,7 @@ class GroupChannels:
         ]
 
     def record(self, now: int, steps: int) -> int:
-        """Record the rows that changed and return how many there were, not counting true states.
+        """Record the rows that changed and return their number, without those of true states.
 
         Parts of awareness, such as intents, and signals are recorded alike, by their kind.
 

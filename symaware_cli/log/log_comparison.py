@@ -1,6 +1,6 @@
-"""Compares two logs: where they first differ, and which channels differ, since when, in whom and by how much.
+"""Compares two logs: the first difference, and for each channel the first and the greatest difference and the agents.
 
-/timing is left out, in which equal runs may differ.
+/timing is left out, because equal runs may differ in it.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class LogDifference:
 
     @property
     def distance(self) -> float | None:
-        """The difference of two numbers; None if they are none."""
+        """The difference of two numbers; None if they are not numbers."""
         first, second = self.values
         if isinstance(first, int | float) and isinstance(second, int | float):
             return abs(float(second) - float(first))
@@ -62,12 +62,12 @@ Allowed: TypeAlias = Callable[["LogDifference"], bool] | None
 
 @dataclass(frozen=True, slots=True)
 class ChannelDifference:
-    """How a channel of two logs differs.
+    """The differences of two logs in a channel.
 
     Attributes:
         topic: The channel.
         first: The first difference.
-        messages: How many messages differ, or are in one log only.
+        messages: The number of messages that differ, or are in one log only.
         agents: The agents or entities that differ, sorted.
         greatest: The greatest difference of two numbers; None if there is none.
     """
@@ -80,7 +80,7 @@ class ChannelDifference:
 
 
 def first_difference(one: Log, other: Log, allowed: Allowed = None) -> LogDifference | None:
-    """Return where two logs first differ in the order of their messages; None if no message differs.
+    """Return the first difference of two logs in the order of their messages; None if no message differs.
 
     Args:
         one: A log.
@@ -101,12 +101,12 @@ def first_difference(one: Log, other: Log, allowed: Allowed = None) -> LogDiffer
 
 
 def compared_channels(one: Log, other: Log) -> Sequence[str]:
-    """Return the channels that two logs are compared in, sorted: those that one of them has, but for /timing."""
+    """Return the channels in which two logs are compared, sorted: all channels of either, except /timing."""
     return sorted({*one.channels, *other.channels} - {TIMING})
 
 
 def channel_differences(one: Log, other: Log, allowed: Allowed = None) -> Sequence[ChannelDifference]:
-    """Return how each channel differs, the earliest first.
+    """Return the differences of each channel that differs, the earliest first.
 
     Args:
         one: A log.
@@ -122,7 +122,7 @@ def channel_differences(one: Log, other: Log, allowed: Allowed = None) -> Sequen
 
 
 def attachment_differences(one: Log, other: Log, allowed: Allowed = None) -> Sequence[LogDifference]:
-    """Return how attachments differ, but for the versions, the outcome, and what channels say of their columns.
+    """Return the differences of attachments (except versions), outcomes, and metadata of channels about columns.
 
     Args:
         one: A log.
@@ -153,7 +153,7 @@ def _size(content: bytes | None) -> str | None:
 
 
 def _instants(log: Log) -> Iterator[tuple[int, list[LogMessage]]]:
-    """Yield the messages of each instant but those of /timing."""
+    """Yield the messages of each instant, except those of /timing."""
     messages = log.messages(topic for topic in log.channels if topic != TIMING)
     yield from ((time, list(own)) for time, own in groupby(messages, key=lambda message: message.time))
 
@@ -197,7 +197,7 @@ def _only_in(message: LogMessage, log: Log, *, is_first: bool) -> LogDifference:
 
 
 def message_differences(first: LogMessage, second: LogMessage, one: Log, other: Log) -> Iterator[LogDifference]:
-    """Yield the elements that differ of two messages on one channel.
+    """Yield the elements that differ between two messages on one channel.
 
     Args:
         first: A message.

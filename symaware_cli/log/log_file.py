@@ -74,7 +74,7 @@ class LogFile(McapFile):
 
     @cached_property
     def recovery(self) -> dict[str, Any] | None:
-        """What was lost before this log was recovered from a damaged one; None if it was not recovered."""
+        """The loss of the damaged log that this one was recovered from; None if it was not recovered."""
         from symaware_cli.log.manifest_schema import Recovered
 
         return self.json_metadata(RECOVERY, Recovered.model_validate)
@@ -179,7 +179,7 @@ class LogFile(McapFile):
         """Raise an error if there is no manifest.
 
         Args:
-            advice: What to do without one; appended to the error message.
+            advice: Advice for users without one; appended to the error message.
 
         Raises:
             LogError: The manifest is missing or damaged.

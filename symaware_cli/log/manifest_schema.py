@@ -126,7 +126,7 @@ class RunOutcome(_Entry):
 
 
 class Recovered(_Entry):
-    """What was lost before a log was recovered; see `Manifest`."""
+    """The loss of a damaged log before its recovery; see `Manifest`."""
 
     log: str | None = None
     text: str | None = None

@@ -100,7 +100,7 @@ def _beliefs(
 
 
 def _fields(content: Message, names: Sequence[str], prefix: str = "") -> Iterator[Element]:
-    """The fields of a generated message; those of which each row has one are told by agents."""
+    """The fields of a generated message; fields with one element per row are named by agents."""
     rows = list(getattr(content, "rows", ()))
     for field, value in content.ListFields():
         name = f"{prefix}{field.name}"

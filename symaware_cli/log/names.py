@@ -14,7 +14,7 @@ TOPICS = {
 """The topic of each field of `Log.series` that any log may have."""
 
 INPUTS = "/inputs"
-"""The topic of what components got from outside of a run."""
+"""The topic of the external inputs of components."""
 
 FIELDS = tuple(TOPICS)
 """The fields of `Log.series`."""

@@ -80,7 +80,7 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def require_writable_folder(path: str | os.PathLike[str]) -> None:
-    """Check that `whole_folder` could write a folder, before the work that it is for.
+    """Check that `whole_folder` could write a folder, before the work whose results it is for.
 
     Raises:
         OutputError: It cannot be written.

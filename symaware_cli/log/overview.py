@@ -78,7 +78,7 @@ class Overview:
         entities: The other bodies in the world.
         steps: Number of steps completed; None if the end is missing.
         time_step: Simulated time between two steps [s].
-        start_time: The time of the first message [s]: of simulation, or of whatever clock another program used.
+        start_time: The time of the first message [s]: of the simulation, or of the clock of another program.
         simulated_time: The last simulated time in the log [s]; the time of the last message in one of another program.
         wall_time: Wall time of the run, if known [s].
         channels: All channels.
@@ -87,7 +87,7 @@ class Overview:
         specifications: The outcome of each specification.
         scenario: The attachments that hold the scenario.
         versions: The versions of the installed packages.
-        recovered: The log it was recovered from and what was lost, as text; None if it was not recovered.
+        recovered: The log that it was recovered from and the loss, as text; None if it was not recovered.
         damage: A description of the damage of the file.
         lost: Whether recorded data cannot be read.
     """
@@ -118,7 +118,7 @@ class Overview:
 
     @property
     def span(self) -> str | None:
-        """From when to when there are messages, in words; None if there are none."""
+        """The interval with messages, in words; None if there are none."""
         if self.start_time is None or self.simulated_time is None:
             return None
         # Shortest digits: clocks of other programs count from 1970.
@@ -214,7 +214,7 @@ def _gaps(times: array[int]) -> tuple[Gap, ...]:
 
 
 def _origin(recovery: Mapping[str, Any]) -> str:
-    """Describe what a log was recovered from, including earlier recoveries."""
+    """Describe the log that a log was recovered from, including earlier recoveries."""
     earlier = recovery.get("earlier")
     told = f"from {recovery.get('log')}: {recovery.get('text')}"
     return f"{told}; that one {_origin(earlier)}" if isinstance(earlier, Mapping) else told

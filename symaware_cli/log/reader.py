@@ -383,7 +383,7 @@ class Log(LogFile):
 
     @cached_property
     def inputs(self) -> Mapping[tuple[str, int], Sequence[Mapping[str, Any]]]:
-        """What components got from outside of the run, in order: by the path of the component and the time [ns]."""
+        """The external inputs of components, in order: by the path of the component and the time [ns]."""
         found: dict[tuple[str, int], list[Mapping[str, Any]]] = {}
         for event in self._journal(INPUTS, "Event", logged_events.event, None, None):
             found.setdefault((event.source, event.time), []).append(event.data)
@@ -411,7 +411,7 @@ class Log(LogFile):
     def outcomes(self) -> tuple[Outcome, ...]:
         """The outcomes of the specifications that were monitored, in the scenario's order.
 
-        They are those that the run reported at its end; of a log without its end, what the messages tell.
+        They are those that the run reported at its end; of a log without its end, those in the messages.
         """
         stated = (self.outcome or {}).get("specifications")
         if stated:

@@ -151,7 +151,7 @@ class Recorder:
 
         Args:
             events: The bus of the run.
-            shielded: Wraps what is called for an event, so that no signal interrupts it.
+            shielded: Wraps the functions called for an event, so that no signal interrupts them.
             elsewhere: The subject of events that other processes record.
         """
         for name, record in (
@@ -176,7 +176,7 @@ class Recorder:
         self.writer.add(self._events, event.time, record.SerializeToString(deterministic=True))
 
     def input(self, event: Event) -> None:
-        """Record an input from outside, whatever else is recorded: without it the run could not be repeated."""
+        """Record an external input, regardless of all settings: without it the run could not be repeated."""
         self._write_recurring(event.time)
         if self._inputs is None:
             self._inputs = self.writer.channel(INPUTS, "Event")

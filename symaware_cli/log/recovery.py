@@ -162,7 +162,7 @@ def scan(file: BinaryIO, size: int) -> tuple[Index, Damage]:
 
 
 class _Scan:
-    """What was found so far.
+    """The results of a scan so far.
 
     Attributes:
         index: The intact records.

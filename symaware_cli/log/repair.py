@@ -1,4 +1,4 @@
-"""Repair: writes a sound log from what can be read of a damaged one.
+"""Repair: writes a sound log from the readable part of a damaged one.
 
 Chunks are copied unchanged, and unpacked only to check them and to index their messages; a chunk is copied as a whole
 or not at all. The beginning of a truncated chunk could be unpacked, too, but its checksum covers the whole chunk, so
@@ -50,11 +50,11 @@ class Recovery:
 
 
 def recover(log: Log, path: str | os.PathLike[str]) -> Recovery:
-    """Write everything that can be read of a log to a new, sound log.
+    """Write the readable part of a log to a new, sound log.
 
     Messages keep their order, channels their ids, chunks their compression. Messages outside chunks, as other writers
     leave them, are put into chunks. If the log was damaged, the metadata record `symaware.recovery` of the new one
-    states what was lost. Memory use is one chunk or attachment, and about 200 bytes per chunk.
+    states the loss. Memory use is one chunk or attachment, and about 200 bytes per chunk.
 
     Args:
         log: The log, which is not changed.

@@ -141,7 +141,7 @@ def specification_channels(channels: Mapping[str, ChannelInfo]) -> dict[str, Cha
 
 
 def specification_span(channel: ChannelInfo) -> tuple[int | None, int | None]:
-    """Return for how long a specification looks ahead from its beginning, and the last instant that counts.
+    """Return the time that a specification looks ahead from its beginning, and the last instant that counts.
 
     Returns:
         Both in nanoseconds; None where the end of the run is the limit, or in older logs.
@@ -158,7 +158,7 @@ def _rows(metadata: Mapping[str, str]) -> tuple[tuple[str, ...], ...]:
     if not isinstance(found, list) or not all(isinstance(each, list) for each in found):
         raise ValueError("the rows are not lists of ids")
     if str(len(found)) != metadata.get("count") or not all(isinstance(id, str) for each in found for id in each):
-        raise ValueError("the rows are not as many lists of ids as are said to be")
+        raise ValueError("the number of lists of ids differs from the stated number of rows")
     return tuple(map(tuple, found))
 
 
@@ -179,7 +179,7 @@ class LoggedSpecification:
         verdicts: 1 satisfied, -1 violated, 0 undecided; shape (k, rows).
         presumptions: 1 or -1, the verdict if the run ended then, for an undecided formula of linear temporal logic; 0
             for others; shape (k, rows).
-        begun: Which rows count: those that were ever present, or that have accepted what was offered; shape (rows,).
+        begun: Which rows count: those that were ever present, or have accepted the offer; shape (rows,).
         lower: Lower bound of the robustness; shape (k, rows), minus infinity where not computed.
         upper: Upper bound of the robustness; shape (k, rows).
         settled: The exact robustness that the verdict of each row is about, the least of its instances; NaN where that
@@ -248,7 +248,7 @@ def outcome_in(logged: LoggedSpecification, events: Iterable[LoggedEvent]) -> Ou
 
 
 def _presumption(logged: LoggedSpecification, begun: NDArray[np.intp]) -> int | None:
-    """Return the worst verdict of some rows if the run ended with the log; None where that is unknown."""
+    """Return the worst verdict of some rows if the run ended with the log; None if unknown."""
     if not len(logged.verdicts) or not len(begun) or not logged.presumptions[:, begun].any():
         return None
     verdicts = logged.verdicts[-1][begun]
@@ -256,7 +256,7 @@ def _presumption(logged: LoggedSpecification, begun: NDArray[np.intp]) -> int | 
 
 
 def verdicts_of(content: v1.Specification) -> tuple[list[int] | None, list[int], list[float]]:
-    """Return what a message of a specification says of the verdicts.
+    """Return the verdicts in a message of a specification.
 
     Returns:
         The rows that it is about, None for all; their verdicts, 1 satisfied, -1 violated, 0 undecided; and upper bounds
@@ -266,7 +266,7 @@ def verdicts_of(content: v1.Specification) -> tuple[list[int] | None, list[int],
 
 
 def begun_in(content: v1.Specification) -> list[bool]:
-    """Return which of the rows that a message of a specification is about count; empty if nothing changed."""
+    """Return which rows of a message of a specification count; empty if nothing changed."""
     return [code != _NOT_BEGUN for code in content.verdicts]
 
 

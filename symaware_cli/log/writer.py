@@ -43,7 +43,7 @@ _MESSAGE = struct.Struct("<BQHIQQ")  # opcode 5, length, channel, sequence, log 
 _MESSAGE_HEADER = _MESSAGE.size - 9
 
 MessageWatch = Callable[[str, int, bytes], object]
-"""What is called with the topic, the time [ns] and the data of each message."""
+"""A function that is called with the topic, the time [ns] and the data of each message."""
 
 
 class LogWriter:
@@ -58,8 +58,8 @@ class LogWriter:
     Args:
         path: The file, which is replaced.
         flush_interval: Wall time between two flushes by `flush_in_background`, in s.
-        on_message: Called with the topic, the time and the data of each message but those of /timing.
-        goes_back: Whether this log can be resumed where states were captured; other logs can, in any case.
+        on_message: Called with the topic, the time and the data of each message, except those of /timing.
+        goes_back: Whether this log itself can be resumed at captured states; other logs always can.
 
     Raises:
         OutputError: The file cannot be created.
@@ -322,7 +322,7 @@ class LogWriter:
             self._sequence = state["sequence"]
 
     def _go_back(self, size: int, checksum: int) -> None:
-        """Discard what was added after a captured position."""
+        """Discard the messages after a captured position."""
         if not self._open:
             self._refuse()
         summary, self._time = self._marks[size, checksum]
@@ -465,7 +465,7 @@ class LogWriter:
         with contextlib.suppress(OSError):
             self._file.close()
         self._error = OutputError(
-            f"cannot write the log {self.path}: {reason(error)}; what was written before ({self.size:,} bytes) stays "
+            f"cannot write the log {self.path}: {reason(error)}; the data written before ({self.size:,} bytes) stay "
             "readable"
         )
         raise self._error from error

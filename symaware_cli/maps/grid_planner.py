@@ -75,7 +75,7 @@ class GridPlanner(PathPlanner):
             None, min_length=1, description="The lidar that shows what holds an agent up, to be planned around."
         )
         patience: float = Field(
-            5.0, gt=0, le=LARGEST, description="After what time without progress an agent plans around it [s]."
+            5.0, gt=0, le=LARGEST, description="Time without progress after which an agent plans around it [s]."
         )
         through_unknown: bool | None = Field(
             None, description="Whether paths may lead through unknown cells. By default only through those of a belief."
@@ -149,7 +149,7 @@ class GridPlanner(PathPlanner):
             self._progress = value.progress
 
     def _seen(self, row: int) -> Array:
-        """Return where the last scan of an agent met something [m]; shape (k, 2)."""
+        """Return the points that the last scan of an agent hit [m]; shape (k, 2)."""
         assert self._surfaces is not None
         points = self._surfaces.returns(self._group, self.now).points[row]
         seen: Array = points[np.isfinite(points).all(axis=1)]
@@ -159,7 +159,7 @@ class GridPlanner(PathPlanner):
         return self._search_of(row, request).path(start, np.array(request.goal), self.parameters.most_cells)
 
     def _search_of(self, row: int, request: PathRequest, seen: Array | None = None) -> PathSearch:
-        """Return the search for an agent, among other things around points that it sees (k, 2) [m]."""
+        """Return the search for an agent, whose paths also avoid points that it sees (k, 2) [m]."""
         if self._grid is None:
             believed, hidden = BelievedFloor(self._beliefs()[row]), None
             if self.parameters.through_unknown is False:

@@ -121,7 +121,7 @@ def _read(name: str, form: MapForm, context: SectionContext) -> tuple[FloorPart,
 def _scattered(scatter: Scatter, parts: list[FloorPart], context: SectionContext) -> FloorPart:
     within = scatter.within or (parts[0].bounds if parts else None)
     if within is None:
-        raise MapError("without a file, it needs to be said within which bounds: `within: [x, x, y, y]`")
+        raise MapError("without a file, the area is needed: `within: [x, x, y, y]`")
     others = dict(context.document.environment.entities)
     for part in parts:
         others |= part.bodies

@@ -114,7 +114,7 @@ class PathPlanner(GroupComponent):
         self._compared: list[Array] = []
 
     def _radius_of(self, group: AgentGroup) -> float:
-        """Return the radius of the widened disc that the body is taken for [m]."""
+        """Return the radius of the widened disc that represents the body [m]."""
         return float((self.parameters.radius or group.entity.radius) + self.parameters.margin)
 
     @abstractmethod

@@ -16,7 +16,7 @@ Instants = NDArray[np.int64]
 
 
 class PathProgress(NamedTuple):
-    """How far agents have come, and when they last came nearer to the ends of their paths.
+    """The progress of agents: the remaining lengths of their paths, and when these were last shortened.
 
     Attributes:
         left: The length of the rest of the path then [m]; infinite at first; shape (n,).

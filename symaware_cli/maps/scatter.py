@@ -35,7 +35,7 @@ class Scatter(Section):
         description="Least distance between the circles around two of them, and from other bodies of the world [m].",
     )
     clear: Distance = Field(
-        0.5, description="Least distance from the bodies of agents at their starts and goals, so circled [m]."
+        0.5, description="Least distance of such circles from those around agents at their starts and goals [m]."
     )
     within: tuple[Number, Number, Number, Number] | None = Field(
         None, description="Area of their centres: [x, x, y, y] [m]. By default the extent of the map's file."

@@ -62,11 +62,11 @@ class SharedMap(MapPerception, GroupCommunicationReceiver):
 
     events: ClassVar[Mapping[str, str]] = {
         "map-received": "An agent received the map of another for the first time; `cells` counts what that one saw.",
-        "map-refused": "The cells of the map that an agent received are others than its own; once for each sender.",
+        "map-refused": "The cells of a received map differ from the agent's own; once for each sender.",
     }
 
     class Parameters(MapPerception.Parameters):
-        """How often maps are sent."""
+        """The interval between messages."""
 
         interval: float = Field(2.0, gt=0, le=1e6, description="Time between two messages of an agent [s].")
 

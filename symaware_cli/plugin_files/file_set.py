@@ -1,4 +1,4 @@
-"""The files that a scenario names as plugins, with those that they import: read once, so that what is hashed is run."""
+"""The files that a scenario names as plugins, with those that they import: read once, and hashed and run as read."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class PluginFileError(Exception):
     Attributes:
         name: Its name in the scenario.
         code: A stable identifier for tools.
-        expected: What is valid there.
+        expected: A description of valid content.
     """
 
     def __init__(self, name: str, code: str, message: str, expected: str | None = None) -> None:

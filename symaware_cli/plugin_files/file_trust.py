@@ -1,7 +1,7 @@
 """Trust in files of plugins: for a command, or for a folder until one of its files changes.
 
-Trust is given by a person alone. It is kept in the user's configuration folder, and handed to processes that this one
-starts; nothing that a scenario or a log contains is asked.
+Only a person can give trust. It is kept in the user's configuration folder, and handed to processes that this one
+starts; no content of a scenario or a log affects it.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ def is_trusted(files: FileSet) -> bool:
 
 
 def trusted_copy(digests: Digests) -> Mapping[str, bytes] | None:
-    """Return the contents of files that are trusted here, by their digests; None if they are not, or not there."""
+    """Return the contents of files that are trusted here, by their digests; None if untrusted or unavailable."""
     sets = [(each["folder"], each["files"]) for each in handed_down()] + list(_kept().items())
     for folder, trusted in sets:
         for place in _places(digests, trusted):
@@ -150,7 +150,7 @@ def _python_files(home: Path) -> Iterator[tuple[str, str]]:
 
 
 def forget(folder: Path) -> bool:
-    """Trust the files of a folder no longer; return whether they were trusted.
+    """Withdraw the trust in the files of a folder; return whether they were trusted.
 
     Raises:
         TrustError: The list cannot be written.
@@ -180,7 +180,7 @@ def _list() -> Path:
 
 
 def _kept() -> dict[str, dict[str, str]]:
-    """Return the folders that are trusted; none if the list is damaged, so that they are asked for again."""
+    """Return the folders that are trusted; none if the list is damaged, so that trust is requested again."""
     try:
         content = json.loads(_list().read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):

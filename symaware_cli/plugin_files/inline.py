@@ -1,7 +1,7 @@
 """Plugins that a program or a notebook defines, for the scenarios that it builds itself.
 
-A scenario names each in its list of `plugins`, as `<NAME>`: a log can tell that it cannot be repeated without the
-program.
+A scenario names each in its list of `plugins`, as `<NAME>`, so that its log shows that the run cannot be repeated
+without the program.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ OBJECTS = SimpleNamespace()
 
 
 def register(name: str, plugin: Callable[..., Any]) -> None:
-    """Let scenarios of this program find a plugin by its name; it replaces a former one."""
+    """Let scenarios of this program find a plugin by its name; a former plugin with this name is replaced."""
     setattr(OBJECTS, _key(name), plugin)
 
 
@@ -49,7 +49,7 @@ def inline_plugins(names: Iterable[str], kinds: Iterable[PluginKind]) -> list[Li
             raise PluginFileError(
                 f"<{name}>",
                 "unrepeatable",
-                f"`{name}` was defined by the program that made this scenario, and is in no file that the log has",
+                f"`{name}` was defined by the program that made this scenario, and no file in the log defines it",
                 "a run in that program; a class in a file beside the scenario can be repeated from the log alone",
             )
         kind = kind_of(plugin, known)
@@ -66,7 +66,7 @@ def _expected(kinds: Iterable[PluginKind]) -> str:
 
 
 def kind_of(plugin: Any, kinds: Iterable[PluginKind]) -> PluginKind | None:
-    """Return the kind of a class or function; None if scenarios name none like it."""
+    """Return the kind of a class or function; None if scenarios cannot name it."""
     is_class = inspect.isclass(plugin)
     for kind in kinds:
         if is_class == bool(kind.bases) and (issubclass(plugin, kind.bases) if is_class else callable(plugin)):
@@ -86,7 +86,7 @@ def place_of_definition(plugin: Any) -> str:
 def file_of(plugin: Any, folder: Path) -> str | None:
     """Return the file that defines a class or function, relative to a folder; None if a log could not have it.
 
-    That is so for the main module, whose import would run the program again, and for what is not at the top level.
+    This applies to the main module, whose import would run the program again, and to nested classes and functions.
     """
     module = sys.modules.get(getattr(plugin, "__module__", ""))
     path = getattr(module, "__file__", None)

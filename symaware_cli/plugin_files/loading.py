@@ -33,7 +33,7 @@ def load_files(files: FileSet) -> Mapping[str, str]:
         PluginFileError: Nobody trusts them.
     """
     if not is_trusted(files):
-        raise PluginFileError(files.named[0], "untrusted-file", "nobody has said that this code is trusted")
+        raise PluginFileError(files.named[0], "untrusted-file", "this code is not trusted")
     hand_down(files)
     name_files_from(str(files.folder))
     _FINDER.sets.setdefault(files.package, _Modules(files))
@@ -106,7 +106,7 @@ class _FileLoader(Loader):
         self._modules, self._name = modules, name
 
     def create_module(self, spec: ModuleSpec) -> None:
-        """Let Python make the module."""
+        """Let Python create the module."""
 
     def exec_module(self, module: ModuleType) -> None:
         """Execute the bytes that were hashed, with imports that find the other files."""
@@ -136,7 +136,7 @@ class _FileLoader(Loader):
 
 
 class _Finder(MetaPathFinder):
-    """Finds the modules of all sets of files that this process has loaded, or was handed down."""
+    """Finds the modules of all sets of files that this process has loaded or inherited."""
 
     def __init__(self) -> None:
         self.sets: dict[str, _Modules] = {}

@@ -1,4 +1,4 @@
-"""The names of the plugins that files define: those that decorators give, or FILE.CLASS."""
+"""The names of the plugins that files define: given by decorators, or FILE.CLASS."""
 
 from __future__ import annotations
 

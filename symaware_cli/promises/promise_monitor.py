@@ -97,7 +97,7 @@ class PromiseMonitor(GroupCommunicationReceiver):
         found = promises if isinstance(promises, Promises) else Promises((), {})
         own = [each for id in view.entry.group.ids for each in found.to(id)]
         if not own:
-            view.warn("nobody promises anything to these agents", "use", expected="a section `promises`")
+            view.warn("there are no promises to these agents", "use", expected="a section `promises`")
         if any(each.on_broken == "stop" for each in own):
             for after in view.after:
                 if after.use.startswith("control."):
@@ -174,7 +174,7 @@ class PromiseMonitor(GroupCommunicationReceiver):
             self._stop()
 
     def _say_relied(self, known: Mask) -> None:
-        """Say of each promise, once it is known, which results hold only if it is kept."""
+        """Report for each promise, once it is known, the results that hold only if it is kept."""
         reliance = self._promises.reliance.get(self._group.name, Reliance())
         new = np.flatnonzero(known & ~self._said)
         self._said = self._said | known

@@ -30,7 +30,7 @@ class PromiseSender(CommunicationSender):
         promises = view.entry.group.sections.get(SECTION)
         made = {each.of for each in promises.promises} if isinstance(promises, Promises) else set()
         if made.isdisjoint(view.entry.group.ids):
-            view.warn("these agents promise nothing to anybody", "use", expected="a section `promises`")
+            view.warn("these agents make no promises", "use", expected="a section `promises`")
 
     def _compute(self) -> Iterable[Message]:
         promises, id = self._agent.group.sections.get(SECTION), self._agent.id

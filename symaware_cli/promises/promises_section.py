@@ -105,7 +105,7 @@ class PromisesSection(ScenarioSection):
                 for group in sorted({ids[id] for id in some}):
                     _require_monitor(group, context, name, *where)
             if len(makers) == 1 and receivers and set(receivers) <= set(makers):
-                context.report("an agent promises this to nobody but itself", name, "to", expected="another agent")
+                context.report("an agent makes this promise only to itself", name, "to", expected="another agent")
             if shape is None:
                 continue
             for maker in makers:

@@ -91,7 +91,7 @@ class CarFollowing(LaneKeeping):
     sees_world = True
 
     class Parameters(LaneKeeping.Parameters):
-        """Gaps, and who is in the way."""
+        """Gaps, and the limits for others that are in the way."""
 
         standstill: float = Field(2.0, gt=0, le=1e4, description="The gap to a standing car ahead, s0 [m].")
         headway: float = Field(1.5, ge=0, le=1e3, description="The time gap to a car ahead, T [s].")

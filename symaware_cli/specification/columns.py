@@ -235,7 +235,7 @@ def _truths(value: Any) -> Any:
 
 def _one_each(value: NDArray[Any]) -> NDArray[Any]:
     if value.ndim > 1:
-        raise KindError(f"there are {value.shape[1]} values of each; say all(...) or any(...)")
+        raise KindError(f"there are {value.shape[1]} values of each; use all(...) or any(...)")
     return value
 
 
@@ -293,7 +293,7 @@ def _element(value: Any, key: int | str) -> Any:
             if value.ndim < 2:
                 raise KindError("a number has no elements")
             if not value.shape[1]:
-                raise AbsentError("there is nobody")
+                raise AbsentError("there are no agents")
             if not -value.shape[1] <= key < value.shape[1]:
                 raise KindError(f"there is no element {key} in a vector of {value.shape[1]}")
             return _shared(value[:, key])

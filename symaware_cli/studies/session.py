@@ -228,7 +228,7 @@ class _Session:
                 for row in executor.results(Blocks(missing, len(missing), is_recorded=True)):
                     former = self._journal.row(row.index)
                     if former is not None and row.state != "lost" and row.digest != former.digest:
-                        raise SweepError(f"run {row.index} came out otherwise when it was repeated for its log")
+                        raise SweepError(f"run {row.index} had another result when it was repeated for its log")
                     self._journal.keep_logs([(row.index, row.log)])
         self._journal.keep_logs([(index, None) for index in have if index not in wanted])
         used = {row.log for row in self._journal.rows() if row.log}

@@ -134,7 +134,7 @@ def require_kind(kind: type, of: PluginKind) -> DeviationList:
         found.add("", fault, f"{of.article} {of.name} derives from {' or '.join(each.__name__ for each in of.bases)}")
         found.settle()
     if not (vars(kind).get("__doc__") or "").strip():
-        found.add("", "has no docstring", "say in a line what it does, for `symaware show`")
+        found.add("", "has no docstring", "describe in a line what it does, for `symaware show`")
     if hasattr(kind, "Parameters"):
         for name, field in kind.Parameters.model_fields.items():
             if not field.description:

@@ -64,7 +64,7 @@ def _draw(found: DeviationList, path: Path) -> list[str]:
     with found.calling("legend"):
         for each in drawing.legend():
             if not isinstance(each, tuple) or [type(part) for part in each] != [str, str]:
-                found.add("legend", f"yields {each!r}", "yield pairs: what is seen, and what it means")
+                found.add("legend", f"yields {each!r}", "yield pairs: the marks, and their meaning")
     marks = []
     for chunk in Scene(view, detail_of(view), [kind]).chunk_reader().chunks(log.messages(), _FEW):
         before = fingerprint(chunk)

@@ -37,7 +37,7 @@ def check_entry_points(package_name: str) -> None:
             near = difflib.get_close_matches(point.group, [*kinds, *_OTHERS], 1)
             how = f"did you mean `{near[0]}`?" if near else f"the groups are {', '.join(sorted(kinds))}"
             problems.append(
-                f"{package_name}: `{point.name}` is in the group `{point.group}`, which nobody reads; {how}"
+                f"{package_name}: `{point.name}` is in the group `{point.group}`, which does not exist; {how}"
             )
             continue
         kind = kinds.get(point.group)

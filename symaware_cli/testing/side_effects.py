@@ -191,7 +191,7 @@ def _stand_ins(found: DeviationList, where: str) -> dict[int, Any]:
     def note(name: str, frame: FrameType) -> None:
         if is_code_of(found.kind, frame):
             place = f" ({Path(frame.f_code.co_filename).name}, line {frame.f_lineno})"
-            found.add(where, f"reads the clock on the wall (`{name}`)", "use `self.time` or `self.now`", place)
+            found.add(where, f"reads the wall clock (`{name}`)", "use `self.time` or `self.now`", place)
 
     def replaced(name: str) -> Any:
         clock = getattr(time, name)

@@ -170,7 +170,7 @@ def check_run(small: SmallScenario, where: str, *, with_state: bool = True) -> N
         if run.failure is not None:
             report_failure(found, run.failure, where)
             return
-    half, how = max(1, len(first) // 2), "keep what it remembers in attributes, as plain data (docs/capture.md)"
+    half, how = max(1, len(first) // 2), "keep its state in attributes, as plain data (docs/capture.md)"
     with started(small.build()) as run:
         begun = trace(run, half)
         try:

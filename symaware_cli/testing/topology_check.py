@@ -95,7 +95,7 @@ def _check_links(found: DeviationList, topology: Topology, links: Links) -> None
         found.add("links", f"returns links of {links.count} agents", f"give the number of agents: {len(roster)}")
         return
     if (np.diff(links.keys) <= 0).any():
-        found.add("links", "returns links that are not sorted, or are there twice", "create them with `Links.of`")
+        found.add("links", "returns links that are not sorted, or duplicated", "create them with `Links.of`")
     own = np.flatnonzero(links.senders == links.receivers)
     if len(own):
         who = roster.ids[int(links.senders[own[0]])]

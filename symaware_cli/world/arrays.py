@@ -70,7 +70,7 @@ def frozen(values: ArrayLike) -> Array:
 def is_finite(array: Array) -> bool:
     """Return whether all elements are finite; usually at the cost of one dot product.
 
-    It may overflow, and then every element is looked at. `numpy.dot` would warn of that, with some kernels of BLAS and
+    It may overflow, and then every element is checked. `numpy.dot` would warn of that, with some kernels of BLAS and
     not with others; `numpy.vdot` never does.
     """
     return math.isfinite(_squared(array)) or bool(np.isfinite(array).all())

@@ -251,12 +251,12 @@ class GroupChance:
         self._ahead = {}
 
     def redraw(self, agent: int, other: int | None, draw: str | None) -> None:
-        """Draw from other keys what concerns one pair of agents, or one agent alone; all other draws are as they were.
+        """Use other keys for the draws about one pair of agents, or one agent alone; all other draws are unchanged.
 
         Args:
             agent: The number of the drawing agent, from `agent_numbers`.
             other: The number of the other agent; None for the draws that concern no other.
-            draw: Tells these keys from others; None to draw from the original ones again.
+            draw: Distinguishes these keys from others; None to draw from the original ones again.
         """
         if draw is None:
             self._redrawn.pop((agent, other), None)
@@ -448,7 +448,7 @@ class AgentChance:
         self._seed = seed
 
     def redraw(self, draw: str | None) -> None:
-        """Draw from other keys from the next turn on, which a text tells from others; None for the original ones."""
+        """Use other keys, distinguished by a text, from the next turn on; None for the original ones."""
         self._path = self._own_path if draw is None else f"{self._own_path} redrawn {draw}"
 
     def at(self, turn: Turn) -> np.random.Generator:

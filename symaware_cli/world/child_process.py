@@ -51,8 +51,8 @@ def _exactly(pipe: BinaryIO, count: int) -> bytes:
 class PythonChild:
     """A process that runs one function of this package, in the same environment and with the same results.
 
-    The function gets two pipes, for requests and for answers. What it prints goes to the standard error stream. It
-    ignores Ctrl-C, which reaches all processes of a terminal, and is killed when this process ends, however that comes.
+    The function gets two pipes, for requests and for answers. Its output goes to the standard error stream. It ignores
+    Ctrl-C, which reaches all processes of a terminal, and is killed when this process ends for any reason.
 
     Attributes:
         requests: The end of the pipe into which requests are written.
@@ -73,7 +73,7 @@ class PythonChild:
         Args:
             target: The function, as ``module:function``.
             variables: Its environment; by default that of this process, with the same instruction set.
-            shares_path: Whether it looks for modules where this process does.
+            shares_path: Whether it has the module search path of this process.
             own_session: Whether signals of the terminal do not reach it.
             descriptors: File descriptors that it has as well, under the same numbers.
         """
@@ -94,7 +94,7 @@ class PythonChild:
             write(self.requests, json.dumps(sys.path if shares_path else None).encode())
 
     def kill(self) -> None:
-        """Kill the process, whatever it does."""
+        """Kill the process unconditionally."""
         self._process.kill()
 
     def close(self) -> int:
@@ -106,7 +106,7 @@ class PythonChild:
 
 
 def how_it_ended(status: int) -> str:
-    """Say how a process ended, as a predicate."""
+    """Describe how a process ended, as a predicate."""
     if status >= 0:
         return f"ended with exit status {status}"
     try:

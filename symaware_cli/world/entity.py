@@ -92,7 +92,7 @@ class Obstacle(Surface):
         if self.position is None and self.path is None and self.shape.wall is None:
             raise ValueError("it needs a position, or a path if it moves")
         if (self.velocity or self.turn_rate) and not self.is_free:
-            raise ValueError("what moves at the start needs a mass, and no path")
+            raise ValueError("an entity that moves at the start needs a mass, and no path")
         if self.velocity and self.position and len(self.velocity) != len(self.position):
             # Only the velocity is named: that is the value to show.
             raise ValueError(f"velocity has {len(self.velocity)} coordinates, and the place {len(self.position)}")

@@ -1,4 +1,4 @@
-"""Exceptions of plugins in one line: what happened, and where in their code."""
+"""Exceptions of plugins in one line: the error, and its position in their code."""
 
 from __future__ import annotations
 

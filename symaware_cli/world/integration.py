@@ -53,7 +53,7 @@ def integrate(
         control_input: The control inputs, constant over the step; shape (n, nu).
         step: Duration [s].
         integrator: The method.
-        parts: Into how many parts the step is divided, unless it is made in closed form.
+        parts: The number of parts of the step, unless it is made in closed form.
 
     Returns:
         The states after the step, without noise; shape (n, nx).

@@ -42,7 +42,7 @@ def rows(elements: Sequence[Any], count: int) -> Array:
 
 
 class BodyLinks(Protocol):
-    """Where the links of robots are, as far as their states say; `Model.links`."""
+    """The positions of the links of robots, as far as they follow from states; `Model.links`."""
 
     @property
     def names(self) -> Sequence[str]:
@@ -90,7 +90,7 @@ class Model(Plugin, ABC):
             scenario is only the outline that others avoid.
         needs_vehicle: The parameters that have an effect only in worlds that move bodies by `vehicle`.
         needs: The optional features without which a world cannot move it, as `Environment.provides` names them.
-        links: Where the links of the body are, known after `fit`; None for models that drive no joints.
+        links: The positions of the links of the body, available after `fit`; None for models that drive no joints.
     """
 
     batchable: ClassVar[bool] = False
@@ -195,7 +195,7 @@ class Model(Plugin, ABC):
         return None if after is None else rows(after, len(state))
 
     def vehicle(self) -> Any:
-        """Return what moves the bodies of a group in worlds that provide ``vehicles``: a `symaware_cli.Vehicle`.
+        """Return the `symaware_cli.Vehicle` that moves the bodies of a group in worlds that provide ``vehicles``.
 
         None if the world's own actuators move its bodies.
         """
@@ -209,7 +209,7 @@ class Model(Plugin, ABC):
         return None
 
     def simulator(self, time_step: int) -> StepSimulator | None:
-        """Return what moves a group in worlds that provide ``co-simulation``, instead of `derivative`.
+        """Return the simulator that moves a group, instead of `derivative`, in worlds that provide ``co-simulation``.
 
         None for models of equations.
 

@@ -71,6 +71,6 @@ def as_motion(id: str, state: ArrayLike, model: Model | None, dimensions: int, *
     names = ", ".join(quantity.name for quantity in motion_quantities(dimensions))
     said = f"{count} numbers" if values.ndim == 1 else f"an array of shape {values.shape}"
     raise ValueError(
-        f"what is believed of `{id}` must be its position and velocity, {2 * dimensions} numbers ({names}), or a state "
+        f"the belief about `{id}` must be its position and velocity, {2 * dimensions} numbers ({names}), or a state "
         f"of its model, not {said}"
     )

@@ -1,4 +1,4 @@
-"""Names and numbers in messages: quoted, listed, counted, and the nearest valid one to a name that is not."""
+"""Names and numbers in messages: quoted, listed, counted, and the valid name nearest to an invalid one."""
 
 import difflib
 import os
@@ -22,7 +22,7 @@ def nearest_file(path: Path, suffixes: tuple[str, ...]) -> str | None:
 
     Args:
         path: The missing file.
-        suffixes: What the names of the files of its kind end with.
+        suffixes: The endings of the names of files of its kind.
     """
     try:
         with os.scandir(path.parent) as entries:

@@ -26,7 +26,7 @@ class ParameterError(ValueError):
     Attributes:
         place: The keys and indices of the parameter under ``with``, such as ``("guarantees", 0)``.
         is_consequence: Whether it refers to something that is itself wrong, which is reported there.
-        related: Other places that are part of the problem, with what is said of each.
+        related: Other places that are part of the problem, with a text about each.
     """
 
     def __init__(

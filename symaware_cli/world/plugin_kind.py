@@ -1,4 +1,4 @@
-"""Kinds of plugins: the group of entry points that each is registered in, and what it has to be."""
+"""Kinds of plugins: the group of entry points that each is registered in, and the requirements on plugins."""
 
 from __future__ import annotations
 

@@ -156,7 +156,7 @@ class Distribution(Parameters, Generic[Part]):
     weights: tuple[float, ...] | None = Field(
         None, description="How likely each value of `choice` is, in any common unit; by default all are equally likely."
     )
-    constant: float = Field(0.0, description="What every number has besides what is drawn.")
+    constant: float = Field(0.0, description="Constant that is added to every drawn number.")
     least: float | None = Field(
         None, description="Where a normal, lognormal or exponential distribution is truncated: the least number drawn."
     )
@@ -172,15 +172,15 @@ class Distribution(Parameters, Generic[Part]):
             if self.weights is not None:
                 raise ValueError("weights go with `choice`")
         elif self.constant:
-            raise ValueError("a constant is added to what the other forms give")
+            raise ValueError("a constant is added to numbers of the other forms")
         elif self.weights is not None:
             _check_weights(self.weights, len(self.choice))
         for name in ("least", "greatest"):
             if getattr(self, name) is not None and self.form not in _BELOW:
-                raise ValueError(f"`{name}` goes with what has no ends: normal, lognormal or exponential numbers")
+                raise ValueError(f"`{name}` is for distributions without ends: normal, lognormal or exponential")
         if self._is_truncated and not np.all(self._shares[1] - self._shares[0] >= _LEAST_SHARE):
             name = "greatest" if self.least is None else "least"
-            raise ValueError(f"`{name}` leaves hardly anything of the distribution")
+            raise ValueError(f"`{name}` excludes nearly all of the distribution")
         return self
 
     @property
@@ -237,7 +237,7 @@ class Distribution(Parameters, Generic[Part]):
         return self.normal is not None and not self._is_truncated
 
     def scaled(self, standard: Array) -> Array:
-        """Return what a plain normal distribution makes of standard normal numbers; shape (..., k), or (...)."""
+        """Transform standard normal numbers to a plain normal distribution; shape (..., k), or (...)."""
         mean, deviation = self._parts
         return self._raised(mean + deviation * standard)
 
@@ -271,7 +271,7 @@ class Distribution(Parameters, Generic[Part]):
 
     @property
     def landmarks(self) -> Sequence[Any]:
-        """Values that stand for all: every option of a choice, the ends of an interval, or the median without ends."""
+        """Representative values: every option of a choice, the ends of an interval, or the median without ends."""
         if self.choice is not None:
             return self.choice
         has_ends = self.form not in _BELOW or (self.greatest is not None and self.least is not None)
@@ -279,7 +279,7 @@ class Distribution(Parameters, Generic[Part]):
 
     @property
     def lowest(self) -> float:
-        """The number that none is below; negative infinity for a normal distribution without bounds."""
+        """The lower bound of all numbers; negative infinity for a normal distribution without bounds."""
         if self.choice is not None:
             return float(min(self.choice))
         ends = {"normal": -math.inf, "lognormal": 0.0, "exponential": 0.0}

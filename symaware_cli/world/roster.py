@@ -68,7 +68,7 @@ class Roster:
             members: The ids of the agents of each group.
             models: The model of each group, if known.
             numbers: The numbers of the agents of each group, from `agent_numbers`; by default those of the ids.
-            runs: How many runs the agents of each group belong to, as in `EntityGroup.seeds`; 0 for no batch.
+            runs: The number of runs that the agents of each group belong to, as in `EntityGroup.seeds`; 0 for no batch.
         """
         self._models = dict(models or {})
         self.dimensions = max((len(model.position) for model in self._models.values()), default=2)
@@ -203,11 +203,11 @@ class _MotionLayout:
         self._found: MotionTable | None = None
 
     def known(self, states: Sequence[ArrayLike]) -> MotionTable | None:
-        """Return what was last kept, if it was for the same objects."""
+        """Return the last stored result if it is for the same objects."""
         return self._found if len(self._states) == len(states) and all(map(is_, self._states, states)) else None
 
     def keep(self, states: Sequence[ArrayLike], found: MotionTable) -> None:
-        """Keep what was found for some states, if nobody can change them."""
+        """Store the result for some states, if these cannot be changed."""
         if all(map(_is_fixed, states)):
             self._states, self._found = states, found
 

@@ -189,7 +189,7 @@ class Snapshot:
 class StatesById(Mapping[str, Array]):
     """The states of all present agents at one instant, by id in the roster's order: a mapping backed by shared arrays.
 
-    A perception may return it; storing it then costs one reference, whatever the number of agents.
+    A perception may return it; storing it then costs one reference for any number of agents.
 
     Attributes:
         snapshot: The snapshot.

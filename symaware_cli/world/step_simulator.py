@@ -1,4 +1,4 @@
-"""What moves the agents of a model that remembers more than their states."""
+"""Simulators that move the agents of a model with more internal state than the states of the agents."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from symaware_cli.world.chance import Array
 
 
 class StepSimulator(ABC):
-    """Moves the agents of a group by one time step of the world after the other.
+    """Moves the agents of a group, one time step of the world at a time.
 
     A model of equations needs none: this is for models that are programs of their own, such as FMUs. It takes part in
     the capture of a simulation (`symaware_cli.core.stateful.Stateful`).

@@ -1,10 +1,10 @@
-"""The base of errors that users are told in a sentence."""
+"""The base of errors that users can correct."""
 
 from typing import ClassVar
 
 
 class UserError(Exception):
-    """What a user can change: an input, a file, a network. The message is a sentence that names it.
+    """An error in an input, a file or a network, which a user can change. The message is a sentence that names it.
 
     Attributes:
         status: The exit status of a verb that it ends.

@@ -1,4 +1,4 @@
-"""Worlds of physics engines, and what a world of another engine is made of."""
+"""Worlds of physics engines, and the base classes for worlds of other engines."""
 
 from symaware_cli.interface import interface_of
 

@@ -290,8 +290,8 @@ class BodyBuilder:
             raise WorldError(f"`{file}` gives a link a mass of {wrong[0]:g}; it is a number greater than 0", *where)
         if moves and masses[0] == 0.0:
             raise WorldError(
-                f"`{file}` gives its base no mass, and nothing can move what has none; without `mass`, the entity has "
-                "a fixed base",
+                f"`{file}` gives its base no mass, and cannot be moved without one; without `mass`, the entity has a "
+                "fixed base",
                 *where,
             )
         carried = masses[1:]
@@ -299,7 +299,7 @@ class BodyBuilder:
         for number, joint in reversed(list(enumerate(joints))):
             name, kind, parent = joint[1].decode(), joint[2], joint[16]
             if kind in _MOVING and carried[number] == 0.0:
-                raise WorldError(f"`{file}` gives no mass to what its joint `{name}` moves", *where)
+                raise WorldError(f"`{file}` gives no mass to the link that its joint `{name}` moves", *where)
             if parent >= 0:
                 carried[parent] += carried[number]
 
@@ -422,7 +422,7 @@ def turn(heading: float, roll: float = 0.0, pitch: float = 0.0) -> Sequence[floa
 
 
 def told(output: Sequence[str]) -> str:
-    """Return all that the engine said about a problem, in one line and without the places in its own code."""
+    """Return the engine's messages about a problem, in one line and without the places in its own code."""
     # A message may begin on the line of another, and warnings about a missing inertia precede every error.
     text = "\n".join(output)
     parts = re.split(r"b3(?:Warning|Error|Printf)\[[^\]]*\]:", text)

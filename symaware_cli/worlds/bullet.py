@@ -15,7 +15,7 @@ from symaware_cli.core import WorldError
 
 @contextmanager
 def quiet() -> Iterator[list[str]]:
-    """Capture what the engine prints from C; on exit the list holds the lines."""
+    """Capture the output of the engine from C; on exit the list holds the lines."""
     output: list[str] = []
     libc = ctypes.CDLL(None) if os.name == "posix" else None
     # Python has no stream where the process was started without one.

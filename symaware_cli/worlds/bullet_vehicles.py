@@ -68,7 +68,7 @@ class BulletVehicleBodies(VehicleBodies):
                 )
 
     def add_motors(self, joints: Sequence[str], kind: Literal["rate", "angle"], torque: float) -> None:
-        """Remember kind and torque, which the engine is told with each target."""
+        """Store kind and torque, which are passed to the engine with each target."""
         self._motors |= dict.fromkeys(joints, (kind, torque))
 
     def command(self, row: int, joints: Sequence[str], targets: Sequence[float]) -> None:

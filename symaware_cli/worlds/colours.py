@@ -1,4 +1,4 @@
-"""Colours that cameras see of bodies that have none of their own."""
+"""Colours in camera images for bodies without a colour of their own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contact tracking: turns what a physics engine reports in each physics step into contacts that begin and end."""
+"""Contact tracking: turns the reports of a physics engine in each physics step into contacts that begin and end."""
 
 from __future__ import annotations
 

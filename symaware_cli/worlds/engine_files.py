@@ -1,4 +1,4 @@
-"""Files for the PyBullet engine: what was read and checked, in a form that the engine reads as we do."""
+"""Files for the PyBullet engine: files that were read and checked, in a form that the engine reads in the same way."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class EngineFiles:
 
         Args:
             robot: The description.
-            pictures: Whether the engine loads what the robot looks like.
+            pictures: Whether the engine loads the visual shapes of the robot.
         """
         root = copy.deepcopy(robot.description.root)
         root.set("name", root.get("name") or "robot")  # without one the engine loads nothing

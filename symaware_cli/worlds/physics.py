@@ -86,7 +86,7 @@ class PhysicsEnvironment(ColumnEnvironment):
             ge=0,
             le=1e6,
             description="How long two bodies must be apart until their contact has ended [s]; if they touch again "
-            "before, it goes on. Engines separate bodies that push each other for single physics steps.",
+            "before, it continues. Engines separate bodies that push each other for single physics steps.",
         )
         substeps: int = Field(10, ge=1, le=1000, description="How many physics steps a time step is divided into.")
         damping: float = Field(
@@ -208,10 +208,10 @@ class PhysicsEnvironment(ColumnEnvironment):
             self._vanish(self._part_of(group).start + row)
 
     def drive(self, group: EntityGroup) -> Drive:
-        """Return within which limits forces give bodies the velocities of their model.
+        """Return the limits within which forces give bodies the velocities of their model.
 
         Raises:
-            WorldError: A vehicle, links, damping or a joint decide that as well.
+            WorldError: The velocities also depend on a vehicle, links, damping or a joint.
         """
         entity, name = group.entity, group.name
         if not any(actuator.group is group for actuator, _, _ in self._parts):

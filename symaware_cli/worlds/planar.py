@@ -51,10 +51,10 @@ class PymunkEnvironment(OpaqueEngine, PhysicsEnvironment):
         gravity: tuple[_Component, _Component] = Field(
             (0.0, 0.0), description="Acceleration of free bodies [x, y] [m/s^2]; agents follow their models instead."
         )
-        iterations: int = Field(10, ge=1, le=1000, description="How often a physics step goes over all contacts.")
-        joints: dict[str, Joint] = Field(
-            default_factory=dict, description="What holds bodies together, by a name of its own."
+        iterations: int = Field(
+            10, ge=1, le=1000, description="Number of iterations over all contacts in a physics step."
         )
+        joints: dict[str, Joint] = Field(default_factory=dict, description="Joints between bodies, by name.")
 
     @property
     def gravity(self) -> Sequence[float] | None:

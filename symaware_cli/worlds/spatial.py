@@ -75,10 +75,12 @@ class PyBulletEnvironment(OpaqueEngine, VehicleEnvironment):
             description="Part of an overlap that a physics step undoes. To the speed at which vehicles and URDF files "
             "bounce it adds as large a part.",
         )
-        iterations: int = Field(50, ge=1, le=1000, description="How often a physics step goes over all contacts.")
+        iterations: int = Field(
+            50, ge=1, le=1000, description="Number of iterations over all contacts in a physics step."
+        )
         visuals: bool = Field(
             False,
-            description="Whether URDF files are loaded with what the bodies look like, for pictures; a racecar takes "
+            description="Whether URDF files are loaded with their visual shapes, for pictures; a racecar takes "
             "3 MB for that, and else a twentieth.",
         )
         gui: bool = Field(False, description="Whether to show the window of PyBullet; it needs a screen.")
@@ -386,7 +388,7 @@ class PyBulletEnvironment(OpaqueEngine, VehicleEnvironment):
         return [*agents, *(self._entities[name] for name in self._free)]
 
     def find_warnings(self, view: ScenarioView) -> None:
-        """Warn of meshes that are not convex, and of looks that are missing."""
+        """Warn of meshes that are not convex, and of missing visual shapes."""
         super().find_warnings(view)
         warn_of_hulls(view, AssetFolders(self.folder, self.further_folders))
 

@@ -37,7 +37,7 @@ class VehicleEnvironment(PhysicsEnvironment):
         """Return the vehicle of a group.
 
         Raises:
-            WorldError: This world lacks what it needs.
+            WorldError: This world lacks a feature that it needs.
         """
         vehicle: Vehicle = group.model.vehicle()
         if vehicle.needs_ground and self.ground is None:

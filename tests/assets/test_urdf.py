@@ -37,7 +37,7 @@ def client() -> Iterator[int]:
 
 
 @pytest.mark.parametrize("file", ["racecar/racecar.urdf", "r2d2.urdf", "kuka_iiwa/model.urdf", "pr2_gripper.urdf"])
-def test_links_are_where_the_engine_has_them_however_joints_stand(client: int, file: str) -> None:
+def test_poses_of_links_agree_with_the_engine_for_all_joint_positions(client: int, file: str) -> None:
     described = articulation(Path(DATA, file))
     body = pybullet.loadURDF(f"{DATA}/{file}", flags=pybullet.URDF_IGNORE_VISUAL_SHAPES, physicsClientId=client)
     infos = [pybullet.getJointInfo(body, joint, client) for joint in range(pybullet.getNumJoints(body, client))]

@@ -53,14 +53,14 @@ def test_values_that_an_agent_writes_about_itself_are_copied_and_reach_no_other_
     assert other.model.control_input.tolist() == [0.0, 0.0]
 
 
-def test_believing_something_moves_nobody(pair: tuple[tuple[Agent, ...], Environment]) -> None:
+def test_beliefs_do_not_move_agents(pair: tuple[tuple[Agent, ...], Environment]) -> None:
     (agent, _), world = pair
     agent.self_awareness.state = [100.0, 100.0]
     world.step()
     assert world.state(agent.group).tolist() == [[0.0, 0.0], [1.0, 0.0]]
 
 
-def test_the_truth_cannot_be_written_by_those_who_perceive_it(
+def test_the_truth_cannot_be_written_by_a_perception(
     pair: tuple[tuple[Agent, ...], Environment],
 ) -> None:
     (agent, _), world = pair
@@ -84,7 +84,7 @@ def test_a_snapshot_is_not_changed_by_later_steps(pair: tuple[tuple[Agent, ...],
     assert (before.time, world.snapshot().time) == (0, 150_000_000)
 
 
-def test_the_initial_state_stays_what_it_was(pair: tuple[tuple[Agent, ...], Environment]) -> None:
+def test_the_initial_state_never_changes(pair: tuple[tuple[Agent, ...], Environment]) -> None:
     (agent, _), world = pair
     agent.self_awareness.state = [5.0, 5.0]
     agent.model.control_input = [1.0, 0.0]
@@ -92,7 +92,7 @@ def test_the_initial_state_stays_what_it_was(pair: tuple[tuple[Agent, ...], Envi
     assert agent.group.initial_state.tolist() == [[0.0, 0.0], [1.0, 0.0]]
 
 
-def test_the_database_knows_oneself_from_the_start_and_nobody_else(
+def test_the_database_initially_has_only_the_agent_itself(
     pair: tuple[tuple[Agent, ...], Environment],
 ) -> None:
     (agent, _), _ = pair
@@ -117,7 +117,7 @@ def test_values_written_about_others_are_in_the_own_database_only(
     assert "ghost" not in agent.awareness_database
 
 
-def test_an_omniscient_agent_sees_all_in_one_snapshot_and_its_own_values_take_precedence(
+def test_an_omniscient_agent_has_one_snapshot_and_its_own_values_take_precedence(
     pair: tuple[tuple[Agent, ...], Environment],
 ) -> None:
     (agent, other), world = pair
@@ -131,7 +131,7 @@ def test_an_omniscient_agent_sees_all_in_one_snapshot_and_its_own_values_take_pr
         agent.awareness_database["ghost"]
 
 
-def test_writing_ones_own_entry_writes_oneself(pair: tuple[tuple[Agent, ...], Environment]) -> None:
+def test_writing_the_own_entry_writes_the_own_awareness(pair: tuple[tuple[Agent, ...], Environment]) -> None:
     (agent, _), _ = pair
     risk = TimeSeries({0.0: 0.5})
     agent.awareness_database["robot.0"] = AwarenessVector("robot.0", [2.0, 2.0], risk=risk)
@@ -139,7 +139,7 @@ def test_writing_ones_own_entry_writes_oneself(pair: tuple[tuple[Agent, ...], En
     assert agent.self_awareness.risk == risk
 
 
-def test_others_are_listed_in_an_order_that_does_not_depend_on_who_was_noticed_first(
+def test_the_order_of_others_does_not_depend_on_the_order_of_perception(
     pair: tuple[tuple[Agent, ...], Environment],
 ) -> None:
     (agent, _), _ = pair

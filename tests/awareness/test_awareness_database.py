@@ -1,4 +1,4 @@
-"""The awareness database: what one agent holds of others, looked up when it is asked."""
+"""The awareness database: the beliefs of one agent about others, looked up on demand."""
 
 import pickle
 from collections.abc import Sequence
@@ -23,12 +23,12 @@ def ready() -> Simulation:
 
 
 def tracks(time: int, position: Sequence[float]) -> Tracks:
-    """The first agent believes the second to be somewhere."""
+    """The first agent has a belief about the position of the second."""
     pointers, others = np.array([0, 1, 1, 1]), np.array([1])
     return Tracks(time, pointers, others, np.array([position]), np.zeros((1, 2)), np.eye(4)[None])
 
 
-def test_a_view_tells_what_is_believed_now_and_not_what_was_when_it_was_asked_for(ready: Simulation) -> None:
+def test_a_view_has_present_beliefs_and_not_those_of_its_creation(ready: Simulation) -> None:
     group = ready.groups[0]
     database = group.agents[0].awareness_database
     group.awareness.seen = tracks(0, [1.0, 2.0])
@@ -42,7 +42,7 @@ def test_a_view_tells_what_is_believed_now_and_not_what_was_when_it_was_asked_fo
         view.state  # noqa: B018
 
 
-def test_one_part_of_what_is_believed_of_another_can_be_written_alone(ready: Simulation) -> None:
+def test_a_single_part_of_the_beliefs_about_another_can_be_written(ready: Simulation) -> None:
     group = ready.groups[0]
     database, plan = group.agents[0].awareness_database, TimeSeries({1.0: [9.0, 9.0]})
     group.awareness.seen = tracks(0, [1.0, 2.0])
@@ -118,7 +118,7 @@ def test_a_dictionary_of_states_is_taken_over_whole_or_one_by_one_with_the_same_
     assert agent.awareness_database["robot.0"].state[0] == 1.0
 
 
-def test_views_are_kept_and_what_is_asked_for_everybody_makes_none(ready: Simulation) -> None:
+def test_views_are_cached_and_bulk_access_creates_none(ready: Simulation) -> None:
     group = ready.groups[0]
     group.awareness.world = ready.environment.snapshot()
     database = group.agents[0].awareness_database
@@ -138,7 +138,7 @@ def test_a_view_is_copied_and_sent_as_a_value(ready: Simulation) -> None:
 
 
 class Guesses(Component):
-    """Writes where another goes and how risky that is, while it is perceived by others."""
+    """Writes the intent and the risk of another, while others perceive it."""
 
     def _compute(self) -> TimeSeries:
         return TimeSeries({1.0: [4.0, 5.0]})
@@ -157,7 +157,7 @@ def test_values_of_agent_and_group_components_are_kept_together() -> None:
     assert vector.intent == TimeSeries({1.0: [4.0, 5.0]})
 
 
-def test_in_columns_it_is_what_the_views_tell() -> None:
+def test_columns_agree_with_the_views() -> None:
     ready = simulation({"robot": Team({"see": SelfPerception}, count=3)})
     execute(ready, 1)
     group = ready.groups[0]

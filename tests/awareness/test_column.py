@@ -27,7 +27,7 @@ operations = st.lists(
 
 
 @given(operations)
-def test_a_column_behaves_like_a_list_of_vectors_whose_readers_keep_what_they_read(
+def test_a_column_behaves_like_a_list_of_vectors_whose_read_values_never_change(
     steps: list[tuple[str, int, float]],
 ) -> None:
     column, model, changed = Column(np.zeros((4, 2))), [[0.0, 0.0]] * 4, set(range(4))
@@ -75,7 +75,7 @@ def test_a_column_does_not_follow_the_array_it_was_given() -> None:
     assert column.values.tolist() == [[5.0], [5.0]]
 
 
-def test_a_read_only_view_of_somebody_elses_array_is_copied() -> None:
+def test_a_read_only_view_of_a_foreign_array_is_copied() -> None:
     owner = np.zeros((2, 1))
     view = owner[:]
     view.flags.writeable = False
@@ -129,7 +129,7 @@ def test_a_column_passes_if_no_row_is_found_and_else_the_rows_are_still_found(wr
         (ValueRange(1e100), [1, 2, 3]),
     ],
 )
-def test_bounds_tell_which_numbers_may_be_written(bounds: ValueRange, beyond: list[int]) -> None:
+def test_bounds_define_the_valid_numbers(bounds: ValueRange, beyond: list[int]) -> None:
     values = np.array([[1.0, 2.0], [np.nan, 0.0], [0.0, -np.inf], [1e200, 1e200]])
     column = Column(np.zeros((4, 2)), bounds)
     column.values = values
@@ -195,7 +195,7 @@ def test_series_of_a_group_ascend_in_time() -> None:
             SeriesColumn(1).set(times, [[1.0, 2.0]])
 
 
-def test_a_series_that_is_put_off_is_computed_once_when_it_is_first_read_and_counts_as_one_change() -> None:
+def test_a_deferred_series_is_computed_once_at_its_first_reading_and_counts_as_one_change() -> None:
     column = SeriesColumn(2)
     calls: list[None] = []
 

@@ -1,4 +1,4 @@
-"""Knowledge is a dictionary that remembers that it changed."""
+"""Knowledge is a dictionary that tracks its changes."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What knowledge hands out cannot be changed, all the way down, and says what to write instead."""
+"""Values of knowledge are deeply read-only, and errors name the assignment to write instead."""
 
 import copy
 import pickle
@@ -70,7 +70,7 @@ def test_a_deep_copy_is_there_to_be_changed(how: str) -> None:
     change(copy.deepcopy(KnowledgeDatabase({"bag": value})["bag"]))
 
 
-def test_every_way_to_learn_something_makes_it_readonly() -> None:
+def test_every_way_to_write_knowledge_makes_it_read_only() -> None:
     known = KnowledgeDatabase({"start": [1]})
     known["set"] = [1]
     known.update({"update": [1]}, word=[1])
@@ -95,7 +95,7 @@ def test_changes_of_the_original_do_not_reach_the_copy() -> None:
         np.asarray(known["goal"])[0] = 9.0
 
 
-def test_one_reckons_with_arrays_and_lists_as_ever() -> None:
+def test_arrays_and_lists_can_be_used_in_computations() -> None:
     known = KnowledgeDatabase({"goal": np.array([3.0, 4.0]), "list": [3.0, 4.0]})
     state = np.array([1.0, 1.0])
     for goal in (known["goal"], known["list"]):
@@ -128,7 +128,7 @@ values = st.recursive(
 
 
 @given(values)
-def test_it_says_the_same_as_what_was_assigned(value: Mapping[str, Mapping[str, Any]] | Pair | None) -> None:
+def test_read_only_values_equal_the_assigned_ones(value: Mapping[str, Mapping[str, Any]] | Pair | None) -> None:
     known = KnowledgeDatabase({"it": value})["it"]
     assert same(known, value)
     assert same(pickle.loads(pickle.dumps(known)), known)
@@ -166,7 +166,7 @@ def test_cyclic_values_are_refused_where_they_are_written(kind: str, tmp_path: P
     assert present(open_log(log).outcome)["status"] == "failed"
 
 
-def test_an_agent_may_know_what_it_knows() -> None:
+def test_the_knowledge_itself_can_be_assigned_to_an_entry() -> None:
     known = KnowledgeDatabase({"goal": 1})
     known["all"] = known
     assert known == {"goal": 1, "all": {"goal": 1}}

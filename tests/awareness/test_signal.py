@@ -46,7 +46,7 @@ def test_a_signal_is_known_by_its_component_and_a_measurement_by_that_alone() ->
     assert Signal("measurement", "vector", PLACES).field("feel") == "feel"
 
 
-def test_signals_stand_among_the_columns_and_are_no_parts_of_awareness() -> None:
+def test_signals_are_columns_and_not_parts_of_awareness() -> None:
     awareness = GroupAwareness(np.zeros((2, 2)), "robot", signals={"look.points": POINTS})
     awareness["look.points"] = [[[1, 2]], []]
     assert [len(table) for table in awareness["look.points"]] == [1, 0]
@@ -65,7 +65,7 @@ def test_the_log_has_the_declaration_of_the_part(signal: Signal) -> None:
     assert signal_of(info) == (field, signal)
 
 
-def test_a_way_of_drawing_that_is_not_known_is_left_out() -> None:
+def test_an_unknown_way_of_drawing_is_left_out() -> None:
     metadata = {**signal_metadata(POINTS), "drawn": "hologram"}
     info = ChannelInfo(topic="/agents/robot/points/look", metadata=metadata, schema="", encoding="", count=0)
     field, signal = present(signal_of(info))
@@ -105,7 +105,7 @@ def test_an_agent_reads_and_writes_its_own_row_of_any_part(awareness: GroupAware
     assert [name for name, _ in own.items()] == ["state", "intent", "uncertainty", "risk", "attention", "modes"]
 
 
-def test_a_part_that_nobody_declared_is_refused_with_those_that_there_are(awareness: GroupAwareness) -> None:
+def test_an_undeclared_part_is_refused_with_the_declared_ones(awareness: GroupAwareness) -> None:
     own = SelfAwareness("robot.1", awareness, 1)
     refused: Callable[[], Any]
     for refused in (lambda: own["attenton"], lambda: awareness["attenton"]):
@@ -127,7 +127,7 @@ def test_a_vector_of_an_unusual_length_is_refused(awareness: GroupAwareness) -> 
         SelfAwareness("robot.1", awareness, 1)["attention"] = [1.0, 2.0, 3.0]
 
 
-def test_a_copy_has_all_parts_and_shares_none_of_what_changes(awareness: GroupAwareness) -> None:
+def test_a_copy_has_all_parts_and_shares_no_mutable_data(awareness: GroupAwareness) -> None:
     own = SelfAwareness("robot.0", awareness, 0)
     own["attention"] = [0.5, 0.5]
     said = own.replaced(state=[1.0, 2.0])
@@ -175,6 +175,6 @@ def test_a_received_part_is_kept_beside_the_believed_state(awareness: GroupAware
         ({"name": "a", "columns": [Quantity("x", "m"), Quantity("x", "s")]}, "same name"),
     ],
 )
-def test_a_declaration_that_makes_no_sense_is_refused_where_it_stands(arguments: dict[str, Any], said: str) -> None:
+def test_a_contradictory_declaration_is_refused_at_its_place(arguments: dict[str, Any], said: str) -> None:
     with pytest.raises(ValueError, match=said):
         Part(**arguments)

@@ -34,7 +34,7 @@ def test_an_empty_series_has_no_instants_and_equals_another() -> None:
     assert TimeSeries().times.shape == (0,)
 
 
-def test_nobody_can_write_to_a_series() -> None:
+def test_a_series_cannot_be_written() -> None:
     series = TimeSeries({0.0: [1, 2]})
     for array in (series.times, series.values, series[0.0], TimeSeries().values):
         with pytest.raises(ValueError, match="read-only"):
@@ -79,7 +79,9 @@ series = st.dictionaries(st.integers(0, 50), st.integers(-5, 5), max_size=8).map
 
 
 @given(series, series)
-def test_joined_series_hold_every_instant_and_the_right_one_counts(left: TimeSeries, right: TimeSeries) -> None:
+def test_joined_series_have_all_instants_and_the_right_operand_takes_precedence(
+    left: TimeSeries, right: TimeSeries
+) -> None:
     joined = left | right
     expected = dict(zip(left.times.tolist(), left.values[:, 0].tolist() if len(left) else [], strict=True))
     expected |= dict(zip(right.times.tolist(), right.values[:, 0].tolist() if len(right) else [], strict=True))

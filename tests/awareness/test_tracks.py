@@ -1,4 +1,4 @@
-"""What agents believe of others, carried on and brought together."""
+"""Beliefs of agents about others are extrapolated and merged."""
 
 from collections.abc import Sequence
 
@@ -75,7 +75,7 @@ def test_certain_values_need_no_covariance(sure: str) -> None:
     assert present(one.updated(other).covariances)[1 - certain].any()
 
 
-def test_a_world_that_is_written_out_has_everybody_but_oneself() -> None:
+def test_an_expanded_world_has_all_agents_except_oneself() -> None:
     ready = simulation({"cat": Team(count=2), "dog": Team(count=3)})
     dog = ready.groups[1]
     written = dog.awareness.everybody(ready.environment.snapshot())

@@ -216,7 +216,7 @@ def test_a_compressed_bag_is_refused_by_name(scenario: Place, tmp_path: Path) ->
     assert "compressed by file" in problem
 
 
-def test_names_in_metadata_lead_nowhere_else(scenario: Place, tmp_path: Path) -> None:
+def test_names_in_metadata_cannot_leave_the_folder(scenario: Place, tmp_path: Path) -> None:
     path = scenario({"past": {"file": "bag", "bodies": {"van": {**BODY, "topic": "/robot_1/odom"}}}})
     described = tmp_path / "bag" / "metadata.yaml"
     text = described.read_text(encoding="utf-8").replace("- run.mcap", "- ../../../etc/passwd")

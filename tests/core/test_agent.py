@@ -15,7 +15,7 @@ def group(count: int = 2, **options: Any) -> AgentGroup:
     return AgentGroup("robot", ids, SingleIntegrator(), Entity(), np.zeros((count, 2)), **options)
 
 
-def test_an_agent_shows_what_its_group_holds_and_writes_through() -> None:
+def test_an_agent_reads_and_writes_the_data_of_its_group() -> None:
     robots = group()
     first, second = robots.agents
     robots.control_input = [[1.0, 2.0], [3.0, 4.0]]
@@ -32,7 +32,7 @@ def test_an_agents_model_has_the_dynamics_of_its_group() -> None:
     assert agent.model.follow_velocity(np.zeros((1, 2)), np.ones((1, 2))).tolist() == [[1.0, 1.0]]
 
 
-def test_no_two_agents_share_knowledge_even_if_it_was_given_once() -> None:
+def test_agents_do_not_share_knowledge_that_is_given_once() -> None:
     shared: dict[str, Any] = {"places": ["a", "b"], "map": {"a": [0.0, 0.0]}}
     first, second = group(knowledge=[shared, shared]).agents
     first.self_knowledge["places"] = [*first.self_knowledge["places"], "c"]
@@ -42,13 +42,13 @@ def test_no_two_agents_share_knowledge_even_if_it_was_given_once() -> None:
     assert second.knowledge_database == {"robot.1": second.self_knowledge}
 
 
-def test_without_knowledge_each_agent_has_an_empty_database_of_its_own() -> None:
+def test_without_knowledge_each_agent_has_a_separate_empty_database() -> None:
     first, second = group().agents
     first.self_knowledge["goal"] = 1
     assert "goal" not in second.self_knowledge
 
 
-def test_what_a_group_knows_comes_as_one_array() -> None:
+def test_the_knowledge_of_a_group_is_one_array() -> None:
     robots = group(knowledge=[{"goal": [1, 2]}, {"goal": np.array([3.0, 4.0])}])
     assert robots.known("goal").tolist() == [[1.0, 2.0], [3.0, 4.0]]
     with pytest.raises(KeyError, match="does not know `home`"):

@@ -105,7 +105,7 @@ def test_perception_writes_the_agents_own_state_and_those_of_others() -> None:
     assert ready.environment.state(ready.groups[0]).tolist() == [[0.0, 0.0], [1.0, 0.0]]
 
 
-def test_perceiving_others_anew_keeps_what_else_was_known_of_them() -> None:
+def test_perceiving_others_again_keeps_other_beliefs_about_them() -> None:
     ready = simulation({"robot": Team({"see": SeesAhead})})
     ready.initialise()
     see = ready.entries[0].components[0]
@@ -181,7 +181,7 @@ def test_the_asynchronous_turn_of_a_component_may_wait() -> None:
     assert component.result == "answer"
 
 
-def test_a_component_needs_no_constructor_that_knows_of_parameters() -> None:
+def test_a_component_needs_no_constructor_with_parameters() -> None:
     class Bare(Component):
         def __init__(self) -> None:
             self.turns = 0
@@ -214,7 +214,7 @@ class GroupDraws(GroupComponent):
 
 
 @pytest.mark.parametrize("kind", [Draws, GroupDraws])
-def test_what_an_agent_draws_depends_on_its_path_and_the_seed_only(kind: type[Component | GroupComponent]) -> None:
+def test_draws_of_an_agent_depend_only_on_its_path_and_the_seed(kind: type[Component | GroupComponent]) -> None:
     def drawn(teams: Mapping[str, Team], seed: int = 7) -> dict[str, float]:
         ready = simulation(teams, seed=seed)
         execute(ready, 2)

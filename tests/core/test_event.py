@@ -1,4 +1,4 @@
-"""Events reach whoever subscribed, also when subscribers come, go and fail while one fires."""
+"""Events reach all subscribers, also if some subscribe, cancel or fail while one fires."""
 
 from functools import partial
 
@@ -14,7 +14,7 @@ def arrived(source: str = "agents.robot.0.steer", name: str = "arrived") -> Even
     return Event(name, source, 0)
 
 
-def test_subscribers_are_told_in_the_order_in_which_they_subscribed() -> None:
+def test_subscribers_are_called_in_the_order_of_subscription() -> None:
     bus = EventBus()
     told: list[int] = []
 
@@ -27,7 +27,7 @@ def test_subscribers_are_told_in_the_order_in_which_they_subscribed() -> None:
     assert told == [0, 1, 2, 3, 4]
 
 
-def test_what_a_subscriber_causes_is_told_after_its_cause_to_those_who_subscribed_before() -> None:
+def test_an_event_fired_by_a_subscriber_is_delivered_after_its_cause_to_earlier_subscribers() -> None:
     bus, told = EventBus(), []
     bus.subscribe("*", lambda event: told.append(event.name))
     bus.subscribe("arrived", lambda event: bus.fire(arrived(name="celebrated")))
@@ -35,7 +35,7 @@ def test_what_a_subscriber_causes_is_told_after_its_cause_to_those_who_subscribe
     assert told == ["arrived", "celebrated"]
 
 
-def test_a_subscriber_added_while_an_event_fires_hears_from_the_next_one_on() -> None:
+def test_a_subscriber_added_while_an_event_fires_is_called_from_the_next_one_on() -> None:
     bus, told = EventBus(), []
 
     def add(event: Event) -> None:
@@ -49,7 +49,7 @@ def test_a_subscriber_added_while_an_event_fires_hears_from_the_next_one_on() ->
     assert told == ["added"]
 
 
-def test_a_subscriber_cancelled_while_an_event_fires_hears_no_more_at_once() -> None:
+def test_a_subscriber_cancelled_while_an_event_fires_is_not_called_any_more() -> None:
     bus, told = EventBus(), []
     bus.subscribe("arrived", lambda event: second.cancel())
     second = bus.subscribe("arrived", lambda event: told.append("second"))
@@ -72,7 +72,7 @@ def test_a_subscriber_may_cancel_itself_and_cancel_twice() -> None:
     assert told == ["arrived"]
 
 
-def test_a_subscriber_that_raises_keeps_nobody_else_from_being_told() -> None:
+def test_other_subscribers_are_called_if_one_raises() -> None:
     bus, told = EventBus(), []
 
     def broken(event: Event) -> None:
@@ -99,7 +99,7 @@ def test_a_subscriber_that_raises_keeps_nobody_else_from_being_told() -> None:
         ("AGENTS.*", False),
     ],
 )
-def test_a_source_pattern_picks_whose_events_are_heard(pattern: str, heard: bool) -> None:
+def test_a_source_pattern_selects_events(pattern: str, heard: bool) -> None:
     bus = EventBus()
     told: list[Event] = []
     bus.subscribe("arrived", told.append, pattern)
@@ -107,7 +107,7 @@ def test_a_source_pattern_picks_whose_events_are_heard(pattern: str, heard: bool
     assert bool(told) == heard
 
 
-def test_a_star_stands_for_every_event_but_those_that_recur() -> None:
+def test_a_star_matches_every_event_that_does_not_recur() -> None:
     bus, told = EventBus(), []
     bus.subscribe("*", lambda event: told.append(event.name))
     for name in ("arrived", "computed", "stepping", "sent", "failed", "anything"):
@@ -115,11 +115,11 @@ def test_a_star_stands_for_every_event_but_those_that_recur() -> None:
     assert told == ["arrived", "failed", "anything"]
 
 
-def test_nobody_has_to_listen() -> None:
+def test_an_event_without_subscribers_can_be_fired() -> None:
     EventBus().fire(arrived())
 
 
-def test_of_what_comes_from_muted_sources_nobody_is_told() -> None:
+def test_events_of_muted_sources_are_not_delivered() -> None:
     bus, told = EventBus(), []
     bus.subscribe("*", lambda event: told.append(event.source))
     bus.mute({"agents.robot.0.steer"})
@@ -130,7 +130,7 @@ def test_of_what_comes_from_muted_sources_nobody_is_told() -> None:
     assert told == ["agents.robot.1.steer", "agents.robot.0.steer"]
 
 
-def test_hot_paths_can_see_who_listens() -> None:
+def test_hot_paths_can_check_for_subscribers() -> None:
     bus = EventBus()
     assert not bus.wanted
     assert not bus.turns_wanted
@@ -142,7 +142,7 @@ def test_hot_paths_can_see_who_listens() -> None:
 
 
 @given(st.lists(st.tuples(st.sampled_from("sfcx"), st.integers(0, 9)), max_size=40))
-def test_any_sequence_of_subscribing_cancelling_and_firing_tells_exactly_the_active(
+def test_any_sequence_of_subscribing_cancelling_and_firing_calls_exactly_the_active_subscribers(
     steps: list[tuple[str, int]],
 ) -> None:
     bus = EventBus()

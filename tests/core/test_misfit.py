@@ -1,4 +1,4 @@
-"""What `_compute` returns and `_update` cannot take is told in plain words, in both modes."""
+"""A value of `_compute` that `_update` cannot use is reported in plain words, in both modes."""
 
 import re
 from typing import Any
@@ -60,7 +60,7 @@ def failure(kind: Any, value: Any, timing: Timing, options: RunOptions) -> str:
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("what", WRONG)
-def test_what_is_expected_is_told(what: str, way: str) -> None:
+def test_a_wrong_value_is_reported_with_the_expected_one(what: str, way: str) -> None:
     kind, value, expected = WRONG[what]
     told = failure(kind, value, *WAYS[way])
     assert re.search(expected, told), told
@@ -70,7 +70,7 @@ def test_what_is_expected_is_told(what: str, way: str) -> None:
 
 @pytest.mark.parametrize("way", WAYS)
 @pytest.mark.parametrize("asynchronous", [False, True])
-def test_the_papers_own_update_is_told_the_same(way: str, asynchronous: bool) -> None:
+def test_a_wrong_value_for_the_papers_update_is_reported_in_the_same_way(way: str, asynchronous: bool) -> None:
     class Paper(Controller):
         def _compute(self) -> Any:
             return None
@@ -90,7 +90,7 @@ def test_the_papers_own_update_is_told_the_same(way: str, asynchronous: bool) ->
     assert "returned nothing (None): a controller returns its control input" in present(told)
 
 
-def test_a_failure_of_an_update_that_takes_something_else_is_its_own() -> None:
+def test_a_failure_of_an_overridden_update_is_raised_unchanged() -> None:
     class Own(Controller):
         def _compute(self) -> tuple[NDArray[np.float64], TimeSeries, str]:
             return GOOD, TimeSeries(), "more"

@@ -33,7 +33,7 @@ class Case(NamedTuple):
         log: The log of the run.
         cause: The planted cause, as its `Candidate.text`; None if none of the candidates is a cause.
         kinds: The kinds of candidates that are examined.
-        before: How long before the violation they are made right [s].
+        before: The times before the violation from which on they are corrected [s].
         specification: The specification that is explained; None for the one that was violated first.
     """
 
@@ -178,7 +178,7 @@ def putting(seed: int) -> dict[str, Any]:
 
 
 def with_broken_promises(folder: Path) -> Iterator[Case]:
-    """Violations by one of two walkers, who promised the cart to stay beside its way, and crosses it, without end.
+    """Yield violations by one of two walkers, which breaks its promise to stay beside the way of the cart, endlessly.
 
     The other one breaks its promise as well, behind the cart, where it does no harm. The cart relies on both promises.
     """
@@ -196,7 +196,7 @@ def with_broken_promises(folder: Path) -> Iterator[Case]:
 def promising(seed: int, *, are_kept: bool = False) -> dict[str, Any]:
     """The scenario in which walkers promise to stay beside the cart's way, and both cross it, or else both stop there.
 
-    Whose promise is broken to the cart's harm crosses the way when the cart is there, and the other one 2 m behind it.
+    The walker whose broken promise harms the cart crosses the way when the cart is there, the other one 2 m behind it.
     """
     chance, bad = np.random.default_rng(seed), seed % 2
     tree, time = _scenario(seed, None, {}), TIMES[bad]

@@ -102,7 +102,7 @@ def test_a_range_shrinks(scenario: Path) -> None:
         ("loss", "the scenario has no `topology`"),
         ("noise=1,0", "the values of `noise` ascend"),
         ("range=1,2", "the values of `range` descend"),
-        ("noise=0,0,1", "the level 0 is there twice"),
+        ("noise=0,0,1", "the level 0 occurs twice"),
         ("noise=a,b", "are numbers"),
         ("noise=0.5..1", "has no step"),
         ("agents.robot.cuont=1,2", "cuont"),

@@ -132,7 +132,7 @@ def test_repeating_the_run_gives_the_same_outcomes(log: Path) -> None:
     assert check_log(log, again=True).specifications == check_log(log).specifications
 
 
-def test_a_window_between_recorded_instants_is_refused_with_the_way_out_and_not_held_against_a_sweep(
+def test_a_window_between_recorded_instants_is_refused_with_a_remedy_and_is_no_finding_of_a_sweep(
     tmp_path: Path,
 ) -> None:
     scenario = yaml.safe_load((CHECKOUT / "scenarios" / "head-on.yaml").read_text())
@@ -142,7 +142,7 @@ def test_a_window_between_recorded_instants_is_refused_with_the_way_out_and_not_
     (tmp_path / "coarse.yaml").write_text(yaml.safe_dump(scenario))
     log = load(tmp_path / "coarse.yaml").run(output=tmp_path / "coarse.mcap").log
     lacking = r"its scenario leaves steps that its windows need \(no instant lies in the window .*--again"
-    with pytest.raises(LogError, match=f"`soon` is about: {lacking}"):
+    with pytest.raises(LogError, match=f"lacks data for `soon`: {lacking}"):
         check_log(log.path)
     assert check_log(log.path, again=True).specifications[0].verdict == "satisfied"
     sweep(tmp_path / "coarse.yaml", tmp_path / "swept", runs=2, keep="all")

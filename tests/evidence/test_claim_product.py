@@ -59,15 +59,15 @@ def test_a_product_of_three_has_growing_conditions(folders: Sequence[Path], tmp_
 
 
 def test_the_order_of_conditions_counts(folders: Sequence[Path]) -> None:
-    with pytest.raises(SweepError, match=r"as the first factor: there, a claim is of P\(high\)"):
+    with pytest.raises(SweepError, match=r"which does not fit as the first factor: a claim there is of P\(high\)"):
         sa.certify_product(folders[::-1])
 
 
 @pytest.mark.parametrize(
     ("claim", "problem"),
     [
-        ("P(high) > 0.7", r"a claim is of P\(high \| low\)"),
-        ("P(high | near) > 0.001", r"a claim is of P\(high \| low\)"),
+        ("P(high) > 0.7", r"a claim there is of P\(high \| low\)"),
+        ("P(high | near) > 0.001", r"a claim there is of P\(high \| low\)"),
         ("P(low) > 0.7", "`low` is claimed twice"),
         ("P(high | low) > 0.7; P(near) > 0.001", "has 2 terms, and a factor has one"),
     ],

@@ -59,7 +59,7 @@ def test_contracts_are_monitored_for_each_ordered_pair(scenario: Path) -> None:
     }
 
 
-def test_what_is_not_believed_holds_of_nothing(scenario: Path) -> None:
+def test_a_contract_about_a_missing_belief_is_violated(scenario: Path) -> None:
     """A belief that an agent lacks is within no distance of the truth, however large; nothing is undefined by it."""
     far = next(each for each in sa.load(scenario).run(record=False).summary.specifications if each.name == "far")
     assert far.verdict == "violated"
@@ -105,7 +105,7 @@ def test_problems_are_located_at_the_contract(scenario: Path, changes: dict[str,
     assert any(each.path.startswith(path) and said in f"{each.message} {each.expected}" for each in problems), problems
 
 
-def test_a_sweep_certifies_contracts_and_what_they_are_worth(scenario: Path) -> None:
+def test_a_sweep_certifies_contracts_and_claims_conditional_on_them(scenario: Path) -> None:
     pytest.importorskip("pyarrow")
     out = scenario.parent / "out"
     claim = "P(sees) > 0.8; P(apart | sees) > 0.8 with confidence 0.9"

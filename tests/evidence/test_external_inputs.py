@@ -1,4 +1,4 @@
-"""Inputs from outside of a run are in its log, and a repetition takes them from there."""
+"""External inputs of a run are in its log, and a repetition takes them from there."""
 
 from pathlib import Path
 
@@ -123,5 +123,5 @@ def test_a_component_in_a_separate_process_has_no_inputs(scenario: Path, tmp_pat
 
 
 def test_inputs_of_other_futures_are_not_guessed(log: Path) -> None:
-    with pytest.raises(BranchError, match="no other future has answers"):
+    with pytest.raises(BranchError, match="which other futures do not have"):
         explain(log, "slow")

@@ -1,4 +1,4 @@
-"""Files with results: JUnit's XML and SARIF say of test cases what was decided, whatever texts they have."""
+"""Files with results: JUnit's XML and SARIF contain the decisions on test cases with any texts."""
 
 import json
 from pathlib import Path
@@ -64,7 +64,7 @@ def test_any_text_can_be_part_of_the_files(text: str) -> None:
 
 
 def sarif_faults(document: object) -> list[str]:
-    """What the standard requires and a document lacks: properties, their values, and indices of rules."""
+    """Requirements of the standard that a document lacks: properties, their values, and indices of rules."""
     assert isinstance(document, dict)
     faults = [] if document.get("version") == "2.1.0" else ["version"]
     for run in document["runs"]:
@@ -84,7 +84,7 @@ def sarif_faults(document: object) -> list[str]:
     return faults
 
 
-def test_sarif_has_results_for_what_is_wrong_alone_with_rules_levels_and_regions(
+def test_sarif_has_results_only_for_faults_with_rules_levels_and_regions(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

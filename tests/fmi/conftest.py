@@ -52,7 +52,7 @@ def made(folder: Path, **options: Any) -> Path:
 
 @pytest.fixture(autouse=True)
 def unpacked(tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
-    """Check that each test, whatever becomes of its FMU, leaves no unpacked files behind."""
+    """Check that each test leaves no unpacked files behind, also if its FMU fails."""
     folder = tmp_path_factory.mktemp("unpacked")
     monkeypatch.setattr(tempfile, "tempdir", str(folder))
     monkeypatch.setenv("TMPDIR", str(folder))

@@ -107,7 +107,7 @@ def test_a_run_is_repeated_and_its_log_identifies_the_fmu(scenario: Write, cart:
 
 
 @pytest.mark.usefixtures("trusted")
-def test_a_captured_run_goes_on_to_the_same_states(scenario: Write) -> None:
+def test_a_captured_run_continues_to_the_same_states(scenario: Write) -> None:
     with sa.load(scenario()).start() as simulation:
         simulation.step(4)
         state = simulation.capture()
@@ -126,13 +126,13 @@ def test_an_fmu_without_states_is_not_captured_and_named(scenario: Write, plain_
             simulation.capture()
 
 
-def test_an_fmu_that_nobody_trusts_is_not_loaded(scenario: Write, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_untrusted_fmu_is_not_loaded(scenario: Write, monkeypatch: pytest.MonkeyPatch) -> None:
     def started(path: Path) -> None:
         raise AssertionError("no process may start")
 
     monkeypatch.setattr("symaware_cli.fmi.fmu_model.FmuProcess", started)
     monkeypatch.delenv("SYMAWARE_PLUGIN_FILES", raising=False)
-    assert "nobody has said that it is trusted" in refusal(scenario())
+    assert "is code, and it is not trusted" in refusal(scenario())
 
 
 @pytest.mark.usefixtures("trusted")

@@ -57,7 +57,7 @@ def test_without_positions_all_joints_are_at_zero() -> None:
 
 
 @pytest.mark.parametrize("parents", [(0,), (-1, 1), (-1, -1), (-1, 2, 0)])
-def test_what_is_no_tree_is_refused(parents: tuple[int, ...]) -> None:
+def test_links_that_form_no_tree_are_refused(parents: tuple[int, ...]) -> None:
     with pytest.raises(ValidationError, match="comes after its parent"):
         Articulation(name="a", links=[Link(name="b", parent=parent) for parent in parents])
 
@@ -66,6 +66,6 @@ def test_what_is_no_tree_is_refused(parents: tuple[int, ...]) -> None:
     "visual",
     [{"kind": "box", "size": (1.0,)}, {"kind": "mesh", "size": (1, 1, 1)}, {"kind": "prism", "size": (1.0,)}],
 )
-def test_what_does_not_say_how_large_it_is_is_refused(visual: dict[str, str | tuple[float, ...]]) -> None:
+def test_visual_shapes_without_a_size_are_refused(visual: dict[str, str | tuple[float, ...]]) -> None:
     with pytest.raises(ValidationError):
         Visual(**visual)

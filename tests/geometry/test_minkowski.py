@@ -49,7 +49,7 @@ def test_two_bodies_overlap_where_one_lies_in_the_overlap_region_of_the_other(se
 
 @settings(max_examples=40)
 @given(seeds)
-def test_polygons_around_rounded_pieces_hold_them_and_are_hardly_wider(seed: int) -> None:
+def test_polygons_around_rounded_pieces_contain_them_tightly(seed: int) -> None:
     pieces, listed = random_pieces(np.random.default_rng(seed), 8)
     for vertices, (core, rounding) in zip(cornered(pieces).vertices, listed, strict=True):
         # Edges without length are no matter to Shapely.
@@ -60,7 +60,7 @@ def test_polygons_around_rounded_pieces_hold_them_and_are_hardly_wider(seed: int
 
 @settings(max_examples=40)
 @given(seeds)
-def test_a_loosened_piece_holds_the_piece_at_each_of_its_angles(seed: int) -> None:
+def test_a_loosened_piece_contains_the_piece_at_each_angle(seed: int) -> None:
     random = np.random.default_rng(seed)
     pieces, _ = random_pieces(random, 8)
     angles = random.choice([0.0, 0.05, 0.4, 2.0, np.pi, 9.0], 8)
@@ -90,7 +90,7 @@ def test_a_point_is_within_a_piece_from_when_until_when_dense_sampling_finds_it_
     assert ((apart < 0.0) == said)[np.abs(apart) > 1e-9].all()
 
 
-def test_there_is_no_time_where_points_pass_by_and_all_time_where_they_stand_within() -> None:
+def test_intervals_are_empty_for_points_that_pass_by_and_infinite_for_resting_ones_within() -> None:
     box = Pieces.of([([(-1, -1), (1, -1), (1, 1), (-1, 1)], 0.0)] * 3)
     start, end = within(np.array([[-5, 1.5], [0, 0], [5, 0]]), np.array([[1.0, 0], [0, 0], [-1, 0]]), box)
     assert start[0] > end[0]

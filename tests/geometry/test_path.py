@@ -1,4 +1,4 @@
-"""Where something is that moves along a path."""
+"""The positions of bodies that move along paths."""
 
 from typing import Any
 
@@ -24,7 +24,7 @@ PATH = {"times": (1.0, 2.0, 4.0), "positions": ((0, 0), (2, 0), (2, 6)), "headin
         (9.0, (2, 6), -1.0, (0, 0), 0.0),
     ],
 )
-def test_what_moves_goes_straight_from_position_to_position_and_rests_before_and_after(
+def test_a_body_on_a_path_moves_straight_between_positions_and_rests_before_and_after(
     time: float, position: tuple[int, int], heading: float, velocity: tuple[int, int], turn_rate: float
 ) -> None:
     assert Obstacle(shape=DISC, path=ScriptedPath(**PATH)).pose(time) == (position, heading, velocity, turn_rate)
@@ -32,13 +32,13 @@ def test_what_moves_goes_straight_from_position_to_position_and_rests_before_and
 
 @pytest.mark.parametrize("turns", [0, 1, 7])
 @pytest.mark.parametrize("time", [1.0, 1.5, 2.0, 3.5])
-def test_what_repeats_begins_anew_at_the_last_time(turns: int, time: float) -> None:
+def test_a_repeated_path_restarts_at_the_last_time(turns: int, time: float) -> None:
     path, once = ScriptedPath(**PATH, repeat=True), ScriptedPath(**PATH)
     assert path.pose(time + 3.0 * turns) == once.pose(time)
     assert path.pose(0.5) == once.pose(0.5), "it rests before the first time"
 
 
-def test_a_course_leads_to_where_the_path_is_next() -> None:
+def test_the_mean_velocity_leads_to_the_next_position_of_the_path() -> None:
     path = ScriptedPath(**PATH)
     assert path.course(1.5, 0.5) == path.pose(1.5)
     # A turn at half of the span: 1 m along x and 1.5 m along y.
@@ -55,12 +55,12 @@ def test_a_jump_is_no_motion(early: float) -> None:
     assert turning.course(1.0 - early, 0.5).turn_rate == 6.0
 
 
-def test_a_path_that_closes_goes_on_where_it_begins_anew() -> None:
+def test_a_closed_path_continues_without_a_jump() -> None:
     path = ScriptedPath(times=(0, 1, 2), positions=((0, 0), (1, 0), (0, 0)), repeat=True)
     assert path.course(1.75, 0.5) == ((0.25, 0), 0.0, (0, 0), 0.0)
 
 
-def test_without_headings_what_moves_keeps_its_own() -> None:
+def test_without_headings_a_body_keeps_its_heading() -> None:
     path = ScriptedPath(times=(0, 1), positions=((0, 0), (1, 0)))
     assert [Obstacle(shape=DISC, heading=0.7, path=path).pose(time).heading for time in (-1, 0.5, 2)] == [0.7] * 3
 

@@ -1,4 +1,4 @@
-"""Near pairs, against looking at all of them."""
+"""Near pairs, compared with a search of all pairs."""
 
 import itertools
 from typing import Any
@@ -33,7 +33,7 @@ walks = st.fixed_dictionaries(
 
 @settings(max_examples=60)
 @given(walks)
-def test_every_pair_within_reach_is_found_whatever_was_asked_before(walk: dict[str, Any]) -> None:
+def test_every_pair_within_reach_is_found_regardless_of_earlier_queries(walk: dict[str, Any]) -> None:
     random = np.random.default_rng(walk["seed"])
     proximity = Proximity()
     positions = random.uniform(-walk["extent"], walk["extent"], (walk["count"], walk["dimensions"]))
@@ -73,7 +73,7 @@ def test_fewer_than_two_bodies_have_no_pairs(count: int) -> None:
     assert Proximity().nearest(positions) == np.inf
 
 
-def test_a_crowd_that_shrinks_or_grows_is_looked_at_anew() -> None:
+def test_a_crowd_that_shrinks_or_grows_is_indexed_again() -> None:
     proximity, random = Proximity(), np.random.default_rng(1)
     for count in (100, 150, 70, 10, 200):
         positions = random.uniform(-5, 5, (count, 2))
@@ -128,5 +128,5 @@ def test_the_nearest_to_each_is_that_of_all_pairs_to_the_bit(count: int, runs: i
         assert proximity.nearest_to_each(positions).tobytes() == expected.tobytes()
 
 
-def test_nobody_is_near_to_none() -> None:
+def test_an_absent_body_is_in_no_pair() -> None:
     assert Proximity().nearest_to_each(np.empty((0, 2))).shape == (0,)

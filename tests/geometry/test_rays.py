@@ -51,7 +51,7 @@ def test_distances_are_those_of_all_rays_against_all_pieces(seed: int) -> None:
     )
 
 
-def test_rays_along_the_sides_and_through_the_corners_of_a_grid_of_boxes_meet_what_they_touch() -> None:
+def test_rays_along_sides_and_through_corners_of_a_grid_of_boxes_hit_the_boxes() -> None:
     boxes = [([(x, y), (x + 1, y), (x + 1, y + 1), (x, y + 1)], 0.0) for x in range(-6, 6, 2) for y in range(-6, 6, 2)]
     pieces = Pieces.of(boxes)
     origins = np.array([[-1.0, -1.0], [1.5, 1.5], [-8.0, 0.0], [0.5, 0.5]])

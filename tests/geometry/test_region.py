@@ -1,4 +1,4 @@
-"""Regions know how deep points lie in them: exact distances to the boundary, negative outside."""
+"""The depths of points in regions: exact distances to the boundary, negative outside."""
 
 import math
 from typing import Any
@@ -80,7 +80,7 @@ def test_points_are_seen_from_an_agent() -> None:
         ({"circle": {"centre": [0], "radius": 1}}, "2 or 3 coordinates are needed"),
     ],
 )
-def test_what_is_no_region_is_refused(kinds: dict[str, Any], said: str) -> None:
+def test_an_invalid_region_is_refused(kinds: dict[str, Any], said: str) -> None:
     with pytest.raises(ValidationError, match=said):
         region(**kinds)
 
@@ -95,6 +95,6 @@ def test_a_regular_polygon_has_its_sides_at_the_apothem_one_of_them_in_the_direc
 
 
 @pytest.mark.parametrize("wrong", [{"sides": 2}, {"apothem": 0}, {"corners": 3}, {"centre": [1]}, {"sides": "5"}])
-def test_a_regular_polygon_that_is_none_is_refused(wrong: dict[str, Any]) -> None:
+def test_an_invalid_regular_polygon_is_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValidationError, match="a regular polygon: `"):
         region(polygon={"sides": 5, "apothem": 0.3, **wrong})

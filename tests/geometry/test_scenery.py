@@ -1,4 +1,4 @@
-"""What of the scenery is near or in the way, against dense sampling and Shapely."""
+"""Nearby obstacles and lines of sight, compared with dense sampling and Shapely."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -52,7 +52,7 @@ def pieces_at(
 
 @settings(max_examples=30)
 @given(seeds, st.integers(0, 12), st.integers(0, 30), st.floats(0, 8))
-def test_nearest_finds_each_piece_within_reach_of_each_point_and_nothing_else(
+def test_nearest_finds_exactly_the_pieces_within_reach_of_each_point(
     seed: int, count: int, many: int, reach: float
 ) -> None:
     random = np.random.default_rng(seed)
@@ -146,7 +146,7 @@ def test_walls_leave_no_gap_at_their_corners() -> None:
     assert len(scenery.nearest(outside[None], 0.0).row) == 2, "an entry for each segment"
 
 
-def test_many_lines_are_looked_at_part_by_part(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_lines_are_tested_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     random = np.random.default_rng(3)
     scenery = Scenery(random_obstacles(random, 10))
     origins, targets = random.uniform(-7, 7, (2, 500, 2))
@@ -157,7 +157,7 @@ def test_many_lines_are_looked_at_part_by_part(monkeypatch: pytest.MonkeyPatch) 
         np.testing.assert_array_equal(one, other)
 
 
-def test_without_obstacles_nothing_is_near_and_nothing_in_the_way() -> None:
+def test_without_obstacles_no_point_is_near_and_no_line_blocked() -> None:
     scenery = Scenery({})
     assert len(scenery) == 0
     assert [len(each) for each in scenery.nearest(np.zeros((3, 2)), 9.0)] == [0] * 5

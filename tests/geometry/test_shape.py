@@ -1,4 +1,4 @@
-"""Shapes: of which kind they are, and which are refused."""
+"""Shapes: their kinds, and refusals of invalid ones."""
 
 import math
 
@@ -70,7 +70,7 @@ BACK_AND_FORTH = [(0, 0), (2, 0), (1, 0), (1, 1)]
         ([(0, 0), (1e12, 0), (0, 1)], "less than or equal"),
     ],
 )
-def test_a_polygon_that_is_none_is_refused(vertices: list[tuple[float, ...]], said: str) -> None:
+def test_an_invalid_polygon_is_refused(vertices: list[tuple[float, ...]], said: str) -> None:
     with pytest.raises(ValidationError, match=said):
         Polygon(vertices=vertices)
 
@@ -84,7 +84,7 @@ def test_corners_in_order_on_an_ellipse_are_a_polygon(
     assert len(Polygon(vertices=corners).vertices) == count
 
 
-def test_a_wall_goes_somewhere() -> None:
+def test_a_wall_needs_distinct_points() -> None:
     with pytest.raises(ValidationError, match="points 1 and 2 are the same"):
         Wall(points=[(0, 0), (1, 0), (1, 0)])
     with pytest.raises(ValidationError, match="at least 2 points, not 1"):

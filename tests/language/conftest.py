@@ -1,4 +1,4 @@
-"""What tests of scenarios share: plugins with faults, and a way to write a scenario down and build it."""
+"""Fixtures of tests of scenarios: plugins with faults, and functions that write and build a scenario."""
 
 import copy
 import sys
@@ -37,7 +37,7 @@ def only(folders: Sequence[Path], names: Collection[str]) -> Iterator[None]:
 
 @pytest.fixture(scope="module")
 def known_plugins() -> Iterator[None]:
-    """Install the plugins of tests/language/plugins, and hide what else may be installed on this machine."""
+    """Install the plugins of tests/language/plugins, and hide all others on this machine."""
     with only([PLUGINS], _KNOWN):
         yield
 

@@ -1,4 +1,4 @@
-"""The files that shapes are made of: where they are found, where it is told that they are not, and in logs."""
+"""The files of shapes: found, reported if missing, and stored in logs."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""A value that Python gives means what the same value means that is written as YAML."""
+"""A Python value has the same meaning as the same value written as YAML."""
 
 from __future__ import annotations
 
@@ -87,7 +87,7 @@ def spans(node: SourceNode) -> Any:
 
 
 @given(_VALUE)
-def test_a_python_value_means_what_it_means_in_a_yaml_file(value: Any) -> None:
+def test_a_python_value_has_the_same_meaning_as_in_a_yaml_file(value: Any) -> None:
     file = Source("file", b"", dumped({"x": as_python(value)}).decode())
     parse_yaml(file)
     given_directly = Assignment.of("x", value)
@@ -97,7 +97,7 @@ def test_a_python_value_means_what_it_means_in_a_yaml_file(value: Any) -> None:
 
 
 @given(_VALUE, st.booleans())
-def test_the_text_of_a_python_value_means_the_same_and_stands_at_the_same_places(value: Any, listed: bool) -> None:
+def test_the_text_of_a_python_value_has_the_same_meaning_and_places(value: Any, listed: bool) -> None:
     # As text, a list of a single mapping would be that mapping.
     value = [value, 1] if listed else value
     one = Assignment.of("agents.robot.state[1]", value, listed=listed)
@@ -160,7 +160,7 @@ def test_a_value_of_another_type_is_the_plain_one(value: Any, found: Any) -> Non
     assert type(plain) is type(found)
 
 
-def test_an_assignment_can_be_applied_again_and_reports_a_problem_each_time_once(scenario: Path) -> None:
+def test_an_assignment_can_be_applied_repeatedly_and_reports_a_problem_once_each_time(scenario: Path) -> None:
     change = Assignment.of("name.x", 1)
     for _ in range(2):
         with pytest.raises(ScenarioError) as caught:

@@ -30,7 +30,7 @@ WRITE = bool(os.environ.get("SYMAWARE_WRITE_REPORTS"))
 
 @pytest.fixture(scope="module", autouse=True)
 def _installed(known_plugins: None) -> Iterator[None]:
-    """Run beside the files, with nothing but the built-in plugins and the ones that these tests bring."""
+    """Run beside the files, with only the built-in plugins and those of these tests."""
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(BAD)
         # What a plugin that needs an extra finds where the extra is not installed.
@@ -64,7 +64,7 @@ def test_a_broken_file_gives_exactly_the_expected_report(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_the_report_for_tools_has_places_that_agree_with_the_text_each_once(name: str) -> None:
+def test_the_report_for_tools_has_the_places_of_the_text_once_each(name: str) -> None:
     status, out, err = validate(name, "--json")
     assert (status, err) == (2, "")
     report = json.loads(out)
@@ -92,7 +92,7 @@ def test_the_report_for_tools_has_places_that_agree_with_the_text_each_once(name
     assert len(starts) == len(problems)
 
 
-def test_there_are_many_and_of_both_formats() -> None:
+def test_there_are_many_broken_files_of_both_formats() -> None:
     assert len(FILES) >= 40
     assert len([name for name in FILES if name.endswith(".toml")]) >= 18
     assert len([name for name in FILES if name.endswith(".yaml")]) >= 40

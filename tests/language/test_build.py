@@ -83,23 +83,23 @@ def test_two_agents_never_share_a_mutable_parameter_or_knowledge(building: Build
     assert untyped(entry.components[1]).kept.gains == [1.0, 2.0]
 
 
-def test_a_component_whose_init_does_not_call_its_base_still_gets_its_parameters(building: Building) -> None:
+def test_a_component_whose_init_does_not_call_its_base_has_its_parameters(building: Building) -> None:
     built = building(knowledge={"goal": [0, 0], "post": [1, 1]}, components={"watch": WATCH})
     components = [untyped(component) for component in built.simulation.entries[0].components]
     assert [component.kept.range for component in components] == [2.0, 2.0]
     assert all(component.parameters is component.kept for component in components)
 
 
-def test_a_component_without_parameters_is_made_without_any(building: Building) -> None:
+def test_a_component_without_parameters_is_created_without_any(building: Building) -> None:
     built = building(components={"plain": {"use": "sound.plain"}})
     assert len(built.simulation.entries[0].components) == 2
 
 
-def test_a_group_component_is_made_once(building: Building) -> None:
+def test_a_group_component_is_created_once(building: Building) -> None:
     assert len(building(count=50).simulation.entries[0].components) == 1
 
 
-def test_the_seed_given_wins_and_is_written_down(building: Building) -> None:
+def test_a_given_seed_takes_precedence_and_is_recorded(building: Building) -> None:
     built = building(seed=99)
     assert built.simulation.seed == built.document.seed == 99
     assert yaml.safe_load(built.resolved)["seed"] == 99
@@ -177,7 +177,7 @@ def test_problems_of_every_part_are_reported_in_one_pass(problems: Problems, sou
     }
 
 
-def test_an_unreadable_part_does_not_hide_problems_elsewhere(tmp_path: Path) -> None:
+def test_problems_elsewhere_are_reported_beside_an_unreadable_part(tmp_path: Path) -> None:
     path = tmp_path / "scenario.yaml"
     path.write_text(
         "symaware: 1\nname: x y\nrun: {duration: .nan}\nenvironment: {use: kinematic}\nagents: {robot: {}}\n"
@@ -198,7 +198,7 @@ def test_an_unresolved_reference_is_not_also_a_value_of_the_wrong_type(problems:
     assert {problem.code for problem in found} == {"cyclic-parameter", "undefined-parameter"}
 
 
-def test_another_version_of_the_format_is_all_that_is_reported(problems: Problems, sound: Any) -> None:
+def test_of_another_version_of_the_format_only_the_version_is_reported(problems: Problems, sound: Any) -> None:
     sound |= {"symaware": 7, "name": "no name", "unheard_of": 1}
     assert told(problems(sound)) == [("wrong-version", "symaware")]
 
@@ -335,7 +335,7 @@ def test_a_required_parameter_beside_with_is_one_problem(problems: Problems) -> 
         ),
     ],
 )
-def test_a_plugin_that_cannot_do_its_work_is_reported_where_that_is_to_be_mended(
+def test_a_plugin_that_cannot_work_is_reported_at_the_place_to_correct(
     problems: Problems, robot: dict[str, Any], code: str, path: str, message: str
 ) -> None:
     (problem,) = problems(**robot)

@@ -1,4 +1,4 @@
-"""Whatever a document says, building it succeeds or reports problems that all have a place."""
+"""Building any document succeeds or reports problems that all have a place."""
 
 import copy
 import json

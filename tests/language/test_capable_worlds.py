@@ -37,7 +37,7 @@ def without_pybullet(monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.delitem(sys.modules, f"symaware_cli.worlds.{name}", raising=False)
 
 
-def test_worlds_are_found_by_what_they_provide() -> None:
+def test_worlds_are_found_by_their_features() -> None:
     catalogue = Catalogue()
     assert {"kinematic"}.isdisjoint(worlds_that_provide("forces", catalogue))
     assert "pymunk" in worlds_that_provide("forces", catalogue)
@@ -56,12 +56,12 @@ def test_a_world_that_is_not_installed_is_replaced_by_one_that_would_run_the_sce
     assert problem.expected.endswith("which would run this scenario")
 
 
-def test_a_world_that_would_not_run_it_either_is_not_named(without_pybullet: None, tmp_path: Path) -> None:
+def test_a_world_that_cannot_run_the_scenario_is_not_named(without_pybullet: None, tmp_path: Path) -> None:
     (problem,) = problems(tmp_path, "environment.entities.ball.pitch=0.1")
     assert "`pymunk`" not in (problem.expected or "")
 
 
-def test_a_name_that_nobody_knows_is_answered_as_well(tmp_path: Path) -> None:
+def test_an_unknown_name_is_reported_with_worlds_that_would_run_the_scenario(tmp_path: Path) -> None:
     (problem,) = problems(tmp_path, "environment.use=unreal")
     assert problem.code == "unknown-plugin"
     assert "which would run this scenario" in (problem.expected or "")
@@ -72,7 +72,7 @@ def test_a_feature_that_no_installed_world_has_is_reported_with_the_missing_pack
     assert said.startswith("a world that provides smells; no installed one does, but `pybullet` may, with the extra")
 
 
-def test_where_it_lacks_forces_the_worlds_that_have_them_are_named(tmp_path: Path) -> None:
+def test_worlds_with_forces_are_named_if_forces_are_lacking(tmp_path: Path) -> None:
     found = problems(tmp_path, "environment.use=kinematic", "environment.entities.ball.velocity=[1, 0]")
     assert [each.path for each in found] == ["environment.entities.ball"]
     assert "a world that moves bodies by forces: " in (found[0].expected or "")

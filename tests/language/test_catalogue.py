@@ -29,7 +29,7 @@ def test_listing_imports_no_plugin() -> None:
     assert not any(name.startswith(("broken_plugins", "sound_plugins")) for name in sys.modules)
 
 
-def test_listings_are_sorted_and_say_where_each_plugin_comes_from() -> None:
+def test_listings_are_sorted_and_name_the_package_of_each_plugin() -> None:
     listings = Catalogue().listings("component")
     assert [listing.name for listing in listings] == sorted(listing.name for listing in listings)
     watch = next(listing for listing in listings if listing.name == "sound.watch")
@@ -63,7 +63,7 @@ def test_a_sound_plugin_is_loaded_while_others_are_broken() -> None:
         ("bad-parameters", "has Parameters that are not a subclass of symaware_cli.Parameters"),
     ],
 )
-def test_a_broken_plugin_says_which_package_is_to_blame_and_why(name: str, message: str) -> None:
+def test_a_broken_plugin_is_reported_with_its_package_and_the_reason(name: str, message: str) -> None:
     error = refusal("component", f"broken.{name}")
     assert error.code == "broken-plugin"
     assert str(error) == f"the component `broken.{name}` of broken-plugins 1.0 {message}"
@@ -76,14 +76,16 @@ def test_a_syntax_error_is_reported_with_its_place() -> None:
     assert str(error).endswith("(syntax_error.py, line 1)")
 
 
-def test_a_plugin_that_needs_an_extra_says_the_command_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plugin_that_needs_an_extra_is_reported_with_the_command_to_install_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setitem(sys.modules, "pybullet", None)
     error = refusal("component", "broken.missing-extra")
     assert error.code == "missing-extra"
     assert error.expected == "the extra `pybullet`: pip install 'symaware-cli[pybullet]'"
 
 
-def test_a_name_that_two_packages_claim_belongs_to_neither() -> None:
+def test_a_name_that_two_packages_register_is_ambiguous() -> None:
     error = refusal("component", "twin.watch")
     assert error.code == "ambiguous-plugin"
     assert str(error) == "the component `twin.watch` is registered by twin-one and twin-two; uninstall one of them"

@@ -82,7 +82,7 @@ def test_toml_may_extend_yaml(folder: Folder) -> None:
     assert folder.data(top="top.toml") == {"x": 1, "y": 2}
 
 
-def test_lists_are_replaced_and_null_removes_what_is_inherited(folder: Folder) -> None:
+def test_lists_are_replaced_and_null_removes_inherited_keys(folder: Folder) -> None:
     folder.write(
         a_yaml="{x: [1, 2], y: {z: 1, w: 1}, v: 1}",
         top_yaml="extends: a.yaml\nx: [3]\ny: {z: null}\nn: null\nv: {u: null}",
@@ -431,7 +431,7 @@ def test_a_reference_that_cannot_be_replaced_is_located(
     assert (problem.span.line, problem.span.column) == (2, 13)
 
 
-def test_a_cycle_of_parameters_is_named_once(folder: Folder) -> None:
+def test_a_cycle_of_parameters_is_reported_once(folder: Folder) -> None:
     folder.write(top_yaml="parameters: {a: '${parameters.b}', b: 'x${parameters.a}'}\nc: ${parameters.a}")
     problem = folder.only()
     assert (problem.code, problem.message) == ("cyclic-parameter", "a parameter cannot refer to itself: a -> b -> a")
@@ -463,7 +463,7 @@ def _laughs(line: str, count: int) -> str:
         ("parameters: {p: " + "x" * 500_000 + "}\na: [" + "'${parameters.p}'," * 20_000 + "]", "too-large"),
     ],
 )
-def test_parameters_cannot_blow_up(folder: Folder, text: str, code: str) -> None:
+def test_expanded_parameters_have_a_bound(folder: Folder, text: str, code: str) -> None:
     folder.write(top_yaml=text)
     started = time.process_time()
     assert {problem.code for problem in folder.problems()} == {code}
@@ -473,7 +473,7 @@ def test_parameters_cannot_blow_up(folder: Folder, text: str, code: str) -> None
 # what a Composition tells
 
 
-def test_the_place_of_what_is_missing_is_its_nearest_ancestor(folder: Folder) -> None:
+def test_the_place_of_a_missing_value_is_its_nearest_ancestor(folder: Folder) -> None:
     folder.write(top_yaml="agents:\n  robot: {count: 1}\n")
     composition = folder.compose()
     assert marked(composition, "agents", "robot", "model", "use") == "scenarios/top.yaml:2: {count: 1}"

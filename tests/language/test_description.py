@@ -1,4 +1,4 @@
-"""What `symaware show` tells of a plugin."""
+"""The description of a plugin by `symaware show`."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""What a scenario may say."""
+"""The valid content of scenarios."""
 
 import json
 import re

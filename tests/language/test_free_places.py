@@ -68,7 +68,7 @@ def test_bodies_keep_clear_of_obstacles_and_apart_from_each_other(tmp_path: Path
         assert not len(obstacles.nearest(points[:, :2], RADIUS + 0.2).row)
 
 
-def test_a_seed_repeats_its_places_and_another_has_others(tmp_path: Path) -> None:
+def test_a_seed_reproduces_its_places_and_another_seed_differs(tmp_path: Path) -> None:
     path = written(tmp_path)
     one, again, other = (build(path, seed=seed) for seed in (1, 1, 2))
     assert starts(one).tobytes() == starts(again).tobytes()
@@ -131,7 +131,7 @@ def test_single_agents_may_have_given_places(tmp_path: Path) -> None:
     ("state", "said"),
     [
         ({"apart": 9.0, "within": [0, 10, 0, 10]}, "has no room, as no place was found for it in 1000 draws"),
-        ({}, "it needs to be said where"),
+        ({}, "it needs an area"),
         ({"within": "nowhere"}, "there is no region `nowhere`"),
         ({"within": "around"}, "the region `around` moves with an agent"),
         ({"within": [1, 0, 0, 1]}, "the least of a coordinate is not below its greatest"),

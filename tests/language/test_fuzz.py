@@ -128,7 +128,7 @@ def mutated(document: bytes, chance: random.Random) -> bytes:
 
 
 @pytest.mark.parametrize(("suffix", "document"), [("yaml", YAML), ("toml", TOML)])
-def test_no_mutation_produces_anything_but_a_report(tmp_path: Path, suffix: str, document: bytes) -> None:
+def test_every_mutation_produces_a_report(tmp_path: Path, suffix: str, document: bytes) -> None:
     (tmp_path / "base.yaml").write_text("name: base\nparameters: {speed: 2, other: 3}\nagents: {robot: {count: 1}}\n")
     (tmp_path / "base.toml").write_text("parameters.speed = 3\n[agents.robot]\nnote = 'n'\n")
     path = tmp_path / f"fuzz.{suffix}"

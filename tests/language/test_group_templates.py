@@ -79,7 +79,7 @@ def test_the_order_of_components_is_that_of_the_template_then_that_of_the_group(
     assert list(compose(file(tmp_path, text)).data["agents"]["adam"]["components"]) == ["sense", "steer", "last"]
 
 
-def test_changes_reach_templates_groups_and_what_a_group_is_like(tmp_path: Path) -> None:
+def test_changes_apply_to_templates_groups_and_the_like_of_a_group(tmp_path: Path) -> None:
     path = file(tmp_path, TEMPLATES)
 
     def speeds(*changes: str) -> list[float]:
@@ -117,8 +117,8 @@ def test_references_and_files_in_templates_are_those_of_the_document(tmp_path: P
         ),
         ("[0, 0, 0]", "[0, 0]", ["alike.yaml:15:30: the state has 2 elements"]),
         ("like: bob", "like: bobb", ["alike.yaml:17:15: no template or group is called `bobb`", "mean `bob`?"]),
-        ("like: bob", "like: eve", ["nothing is like itself: eve -> eve"]),
-        ("  robot:\n", "  robot:\n    like: fast\n", ["nothing is like itself: robot -> fast -> robot"]),
+        ("like: bob", "like: eve", ["a group cannot be like itself: eve -> eve"]),
+        ("  robot:\n", "  robot:\n    like: fast\n", ["a group cannot be like itself: robot -> fast -> robot"]),
         ("like: bob", "like: 3", ["`like` names a template or a group"]),
         ("like: bob", "like: [bob, {}]", ["`like` names a template or a group"]),
         ("  heavy: {entity: {mass: 5.0}}", "  heavy: 3", ["the template `heavy` is no mapping"]),
@@ -137,7 +137,7 @@ def test_a_problem_is_reported_once_with_both_places(tmp_path: Path, before: str
         assert [user.partition(" ")[0] for user in problem.users] == ["adam", "bob", "eve"]
 
 
-def test_a_change_of_a_value_from_a_template_is_blamed_on_the_change(tmp_path: Path) -> None:
+def test_a_changed_value_from_a_template_is_reported_at_the_change(tmp_path: Path) -> None:
     with pytest.raises(ScenarioError) as caught:
         symaware_cli.load(file(tmp_path, TEMPLATES), ["agents.adam.components.steer.with.speed=fast"])
     (problem,) = caught.value.problems
@@ -154,7 +154,7 @@ def test_templates_that_multiply_are_bounded(tmp_path: Path) -> None:
         symaware_cli.load(path)
 
 
-def test_the_schema_has_templates_and_asks_for_a_model_only_where_nothing_is_alike() -> None:
+def test_the_schema_has_templates_and_requires_a_model_only_without_like() -> None:
     schema, _ = scenario_schema(built_in_only=True)
     validator = jsonschema.Draft202012Validator(schema)
     assert validator.is_valid(yaml.safe_load(HEAD + TEMPLATES))

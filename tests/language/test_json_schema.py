@@ -93,11 +93,11 @@ def test_scenarios_of_new_fit_the_schema(validator: jsonschema.Draft202012Valida
         "wrong-version.yaml",
     ],
 )
-def test_the_editor_marks_what_validate_refuses(validator: jsonschema.Draft202012Validator, name: str) -> None:
+def test_the_schema_rejects_values_that_validate_refuses(validator: jsonschema.Draft202012Validator, name: str) -> None:
     assert list(validator.iter_errors(document(BAD / name))), name
 
 
-def test_references_may_stand_for_numbers_and_flags(validator: jsonschema.Draft202012Validator, sound: Any) -> None:
+def test_references_may_replace_numbers_and_flags(validator: jsonschema.Draft202012Validator, sound: Any) -> None:
     sound["run"]["duration"] = "${parameters.duration}"
     sound["agents"]["robot"] |= {
         "count": "${parameters.count}",
@@ -135,7 +135,7 @@ def test_the_schema_has_the_parameters_of_every_plugin_that_can_be_loaded() -> N
 
 
 @pytest.mark.skipif(without_pybullet(), reason="PyBullet is not installed here")
-def test_the_built_in_schema_knows_no_other_plugins() -> None:
+def test_the_built_in_schema_has_no_other_plugins() -> None:
     schema, broken = scenario_schema(built_in_only=True)
     assert broken == []
     assert "sound." not in json.dumps(schema)
@@ -149,7 +149,7 @@ def test_the_schema_in_the_repository_is_fresh() -> None:
     assert written == fresh, "run: symaware schema --built-in -o schemas/scenario.schema.json"
 
 
-def test_every_reference_in_the_schema_leads_somewhere(validator: jsonschema.Draft202012Validator) -> None:
+def test_every_reference_in_the_schema_can_be_resolved(validator: jsonschema.Draft202012Validator) -> None:
     def references(node: Any) -> list[str]:
         if isinstance(node, dict):
             own = [node["$ref"]] if isinstance(node.get("$ref"), str) else []

@@ -1,4 +1,4 @@
-"""Who takes a maximal risk has to know states exactly, or the covariances of their errors."""
+"""A maximal risk requires exact states, or the covariances of their errors."""
 
 from itertools import product
 from pathlib import Path
@@ -85,7 +85,7 @@ def test_a_maximal_risk_needs_a_covariance_unless_perception_is_exact(
 
 
 @pytest.mark.parametrize("perception", ["noisy", "delayed", "noisy-others"])
-def test_an_estimate_with_a_covariance_will_do(tmp_path: Path, perception: str) -> None:
+def test_an_estimate_with_a_covariance_suffices(tmp_path: Path, perception: str) -> None:
     for pairs in (False, True):
         build(written(tmp_path, scenario("control.risk-aware", perception, estimates=True, pairs=pairs)))
 
@@ -97,7 +97,7 @@ def test_an_estimate_after_the_controller_comes_too_late(tmp_path: Path) -> None
         build(written(tmp_path, content))
 
 
-def test_without_a_maximal_risk_nothing_is_asked(tmp_path: Path) -> None:
+def test_without_a_maximal_risk_no_covariance_is_required(tmp_path: Path) -> None:
     content = scenario("control.risk-aware", "noisy")
     content["agents"]["robot"]["components"]["keep"].pop("with")
     build(written(tmp_path, content))

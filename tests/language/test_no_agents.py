@@ -1,4 +1,4 @@
-"""Scenarios without agents: the world goes its own way, and can be looked at like any other."""
+"""Scenarios without agents: the world moves, and its log can be inspected like any other."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A value of one agent of a group is set in brackets, whatever the others have; the others keep theirs."""
+"""A value of one agent of a group is set in brackets; the others keep theirs."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""Numbers that overflow fail where they are written; NumPy's warnings of them are not printed beside that."""
+"""Numbers that overflow fail where they are written, without further warnings of NumPy."""
 
 from pathlib import Path
 
@@ -8,7 +8,7 @@ from symaware_cli.language.build import build
 from symaware_cli.language.execution import execute
 
 
-def test_an_overflow_within_a_run_is_no_warning(scenarios: Path) -> None:
+def test_an_overflow_within_a_run_raises_no_warning(scenarios: Path) -> None:
     """Warnings are errors in these tests, so one would end the run."""
     built = build(scenarios / "hello.yaml", ["run.duration=0.1"])
     seen = []

@@ -118,7 +118,7 @@ def chain(kind: str, turns: Mapping[str, Any]) -> dict[str, Any]:
         if kind in SINGLE or turns not in ("condition", "trigger")
     ],
 )
-def test_parameters_of_ones_own_that_are_those_of_all_change_no_value(kind: str, turns: str, tmp_path: Path) -> None:
+def test_parameters_of_an_agent_equal_to_the_common_ones_change_no_value(kind: str, turns: str, tmp_path: Path) -> None:
     common = chain(kind, TURNS[turns])
     name, _, _, own = COMPONENTS[kind]
     some = {**common, name: {**common[name], "own": {"0": own, "2": own}}}
@@ -129,7 +129,7 @@ def test_parameters_of_ones_own_that_are_those_of_all_change_no_value(kind: str,
 
 
 @pytest.mark.parametrize("kind", ["go-to-goal", "mpc", "gaussian"])
-def test_so_it_is_in_worker_processes(kind: str, tmp_path: Path) -> None:
+def test_parameters_of_single_agents_apply_in_worker_processes(kind: str, tmp_path: Path) -> None:
     common = chain(kind, {"run_in": "process"})
     name, _, _, own = COMPONENTS[kind]
     some = {**common, name: {**common[name], "own": {"0": own, "2": own}}}
@@ -139,7 +139,7 @@ def test_so_it_is_in_worker_processes(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["range", "velocity-obstacle", "mpc", "collision"])
-def test_so_it_is_where_components_fail_to_be_there_and_are_replaced_for_a_while(kind: str, tmp_path: Path) -> None:
+def test_parameters_of_single_agents_apply_to_restarted_and_replaced_components(kind: str, tmp_path: Path) -> None:
     name, _, _, own = COMPONENTS[kind]
     other = {"see": "perception.self", "steer": "control.go-to-goal", "fear": "risk.time-to-collision"}[name]
     faults = {
@@ -171,7 +171,7 @@ def test_one_agent_sees_without_noise_and_the_others_with_the_noise_that_they_ha
     assert sa.verify_log(str(tmp_path / "after.mcap")).is_equal
 
 
-def test_each_agent_has_the_parameters_that_were_set_for_it_and_else_those_of_all(tmp_path: Path) -> None:
+def test_each_agent_has_its_own_parameters_or_else_the_common_ones(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text(yaml.safe_dump(document(chain("go-to-goal", {}))))
     changes = (
         "agents.robot[1].components.steer.with.speed=2",
@@ -193,7 +193,7 @@ def test_each_agent_has_the_parameters_that_were_set_for_it_and_else_those_of_al
     assert [each.rows for each in entries] == [(2,), (0,), (1, 3)]
 
 
-def test_an_agent_that_is_alone_in_its_group_has_the_parameters_themselves(tmp_path: Path) -> None:
+def test_a_single_agent_of_a_group_has_the_parameters_directly(tmp_path: Path) -> None:
     tree = document(chain("go-to-goal", {}))
     tree["agents"]["robot"] |= {"state": [0, 0], "knowledge": {"goal": [1, 1]}}
     del tree["agents"]["robot"]["count"]
@@ -257,7 +257,7 @@ def test_a_sweep_varies_a_parameter_of_one_agent(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("kind", ["go-to-goal", "mpc"])
-def test_a_run_goes_on_from_its_state_and_branches_into_one_with_another_parameter(kind: str, tmp_path: Path) -> None:
+def test_a_run_continues_from_its_state_and_branches_with_another_parameter(kind: str, tmp_path: Path) -> None:
     name, _, _, own = COMPONENTS[kind]
     common = chain(kind, {})
     tree = document({**common, name: {**common[name], "own": {"0": own, "2": {**own, "speed": 0.3}}}})

@@ -131,4 +131,4 @@ def test_sources_without_a_commit_are_not_named(installed: Installed, repository
     shutil.rmtree(repository / ".git")
     origin, commands = installed("--editable", repository)
     assert origin is None
-    assert "from which commit or wheel, nobody noted" in commands
+    assert "its commit or wheel was not recorded" in commands

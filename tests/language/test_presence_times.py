@@ -81,6 +81,6 @@ def test_an_agent_that_leaves_at_that_instant_is_not_in_the_way(tmp_path: Path) 
         ({"from": 1.0, "apart": 0.0}, "apart"),
     ],
 )
-def test_times_that_cannot_be_are_refused(present: Any, said: str, tmp_path: Path) -> None:
+def test_impossible_times_are_refused(present: Any, said: str, tmp_path: Path) -> None:
     with pytest.raises(ScenarioError, match=said):
         scenario(tmp_path, present)

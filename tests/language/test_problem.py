@@ -1,4 +1,4 @@
-"""What a person and a tool see of a problem."""
+"""The presentation of problems to people and tools."""
 
 import json
 from typing import Any
@@ -73,7 +73,7 @@ def test_no_escape_code_of_the_file_reaches_the_terminal() -> None:
     assert "\\x1b[31m" in shown
 
 
-def test_colour_is_only_what_render_adds() -> None:
+def test_colour_adds_only_escape_codes() -> None:
     plain = render([problem("a: b", 4, 5)])
     coloured = render([problem("a: b", 4, 5)], colour=True)
     assert "\x1b" not in plain

@@ -1,4 +1,4 @@
-"""What components require of their world, and the bodies that they name."""
+"""The requirements of components on their world, and the bodies that they name."""
 
 from pathlib import Path
 from typing import Any
@@ -54,7 +54,7 @@ def test_a_world_that_lacks_a_required_feature_is_reported_before_the_run(world:
     assert problems(tmp_path, f"environment.use={world}") == [("unsuitable", "agents.robot.components.eye")]
 
 
-def test_a_component_that_names_a_parameter_it_has_not_is_at_fault_itself(
+def test_a_component_that_names_a_missing_parameter_is_reported_itself(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(Camera, "bodies", {"nowhere": "agent or entity"})
@@ -69,14 +69,14 @@ def flown(path: Path, *overrides: Any, **entity: Any) -> Any:
     return problems(path, f"agents={yaml.safe_dump({'drone': drone}, default_flow_style=True)}", *overrides)
 
 
-def test_effects_of_the_air_are_refused_where_there_is_none(tmp_path: Path) -> None:
+def test_effects_of_air_are_refused_in_worlds_without_vehicles(tmp_path: Path) -> None:
     where = [("unsuitable", f"agents.drone.model.with.{name}") for name in ("downwash", "ground_effect")]
     assert flown(tmp_path) == []
     assert flown(tmp_path, "environment.use=kinematic") == where
     assert flown(tmp_path, "environment.use=kinematic", "agents.drone.model.with={}") == []
 
 
-def test_of_a_body_that_comes_with_the_model_nothing_can_be_set_but_what_others_keep_clear_of(tmp_path: Path) -> None:
+def test_only_the_outline_of_a_body_that_comes_with_the_model_can_be_set(tmp_path: Path) -> None:
     assert flown(tmp_path, shape={"circle": {"radius": 0.3}}) == []
     found = flown(tmp_path, shape={"circle": {"radius": 0.3}}, mass=0.5, max_force=1.0)
     assert found == [("unsuitable", f"agents.drone.entity.{name}") for name in ("mass", "max_force")]

@@ -140,7 +140,7 @@ def test_a_state_of_one_number_can_be_drawn(building: Building) -> None:
             {"grid": {"spacing": 1e9, "origin": [1e9, 0]}},
             "out-of-range",
             "state",
-            "`agents.robot.state` comes to 2000000000.0",
+            "`agents.robot.state` evaluates to 2000000000.0",
         ),
     ],
 )
@@ -154,7 +154,7 @@ def test_a_state_of_the_wrong_length_names_the_elements_of_the_model(problems: P
     assert problem.expected == "3 numbers: x [m], y [m], heading [rad]"
 
 
-def test_every_bad_element_of_a_drawn_state_is_reported_and_nothing_else(problems: Problems) -> None:
+def test_exactly_the_bad_elements_of_a_drawn_state_are_reported(problems: Problems) -> None:
     found = problems(state=[{"uniform": [1, 0]}, {"normal": [0, -1]}, {"gauss": 0}])
     assert [problem.path.removeprefix("agents.robot.state") for problem in found] == [
         "[0].uniform",
@@ -200,7 +200,7 @@ def test_elements_agents_and_names_draw_independently(building: Building) -> Non
     assert len(set(drawn)) == len(drawn) == 14
 
 
-def test_adding_agents_groups_and_knowledge_changes_nobody_elses_draws(building: Building, sound: Any) -> None:
+def test_adding_agents_groups_and_knowledge_does_not_change_draws_of_others(building: Building, sound: Any) -> None:
     state = [{"uniform": [-5, 5]}, {"normal": [0, 1]}, 0]
     fact = {"normal": [[0, 0], 1]}
     few = building(sound, count=3, state=state, knowledge={"goal": [0, 0], "fact": fact})
@@ -231,7 +231,7 @@ def test_normal_has_its_mean_and_deviation(building: Building) -> None:
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40)
 @given(count=st.integers(1, 12), radius=st.floats(0.01, 1e6), phase=st.floats(-10, 10))
-def test_a_circle_spaces_everybody_evenly_and_looks_inward(
+def test_a_circle_spaces_agents_evenly_facing_inward(
     building: Building, count: int, radius: float, phase: float
 ) -> None:
     drawn = np.array(states(building(count=count, state={"circle": {"radius": radius, "phase": phase}})))
@@ -259,7 +259,7 @@ def test_no_two_agents_share_a_place_on_a_grid(
     np.testing.assert_allclose(drawn[0], 0)
 
 
-def test_nothing_reads_the_global_random_state(building: Building) -> None:
+def test_the_global_random_state_is_not_read(building: Building) -> None:
     np.random.seed(1)  # noqa: NPY002
     one = states(building(state={"uniform": [0, 1]}))
     before = untyped(np.random.get_state())[1].tolist()  # noqa: NPY002

@@ -1,4 +1,4 @@
-"""Every plugin may check the whole scenario; what it refuses is located at its own section, or where it says."""
+"""Every plugin may check the whole scenario; its reports are located at its section, or at a given place."""
 
 import re
 from collections.abc import Callable
@@ -42,7 +42,7 @@ def with_needs(sound: dict[str, Any], section: str, given: dict[str, Any]) -> di
 
 
 @pytest.mark.parametrize("section", SECTIONS)
-def test_a_plugin_of_any_kind_accepts_what_it_needs(
+def test_a_plugin_of_any_kind_accepts_a_suitable_scenario(
     section: str, sound: dict[str, Any], building: Callable[..., Built]
 ) -> None:
     building(with_needs(sound, section, {"needs": "robot.steer"})).simulation.environment.close()
@@ -101,8 +101,8 @@ def test_a_missing_parameter_is_located_at_the_section(
     assert problem.path == "agents.robot.components.need"
 
 
-def test_the_language_knows_no_component() -> None:
-    """Only what all sensors share; so a check of a component is in its own module."""
+def test_the_language_names_no_component() -> None:
+    """Only common checks of sensors; a check of a single component is in its own module."""
     folder = CHECKOUT / "symaware_cli" / "scenario"
     found = {
         name

@@ -26,7 +26,7 @@ def sailing(sound: dict[str, Any]) -> dict[str, Any]:
     return sound
 
 
-def test_components_find_it_and_it_takes_part_in_the_run(
+def test_components_find_the_section_and_it_takes_part_in_the_run(
     sailing: dict[str, Any], building: Callable[..., Built]
 ) -> None:
     built = building(sailing)
@@ -63,7 +63,7 @@ def test_problems_are_located(
     assert problem.span is not None
 
 
-def test_a_key_that_is_almost_that_of_a_section_is_suggested(
+def test_the_key_of_a_section_is_suggested_for_a_similar_one(
     sailing: dict[str, Any], problems: Callable[..., list[Problem]]
 ) -> None:
     sailing["wether"] = sailing.pop("weather")
@@ -84,7 +84,9 @@ def test_a_section_that_fails_is_reported_at_its_key(
     assert said in problem.message
 
 
-def test_a_section_that_fails_disturbs_no_other_scenario(sound: dict[str, Any], building: Callable[..., Built]) -> None:
+def test_a_section_that_fails_does_not_affect_other_scenarios(
+    sound: dict[str, Any], building: Callable[..., Built]
+) -> None:
     building(sound).simulation.environment.close()
 
 
@@ -137,7 +139,7 @@ def test_additions_of_a_section_identify_the_scenario(sound: dict[str, Any], bui
         ({"bay": [5, 0]}, "there is an agent of robot.0"),
     ],
 )
-def test_names_that_are_taken_and_its_own_reservations_are_located(
+def test_taken_names_and_reports_of_a_section_are_located(
     harbour: Any, said: str, sound: dict[str, Any], problems: Callable[..., list[Problem]]
 ) -> None:
     sound["environment"]["entities"] = {"rock": {"shape": {"circle": {"radius": 1.0}}, "position": [20, 0]}}
@@ -157,9 +159,7 @@ def test_a_problem_with_a_body_that_it_adds_is_at_the_section(
     assert "the region `at_north`" in problem.message
 
 
-def test_runs_that_have_other_bodies_each_are_not_batched(
-    sound: dict[str, Any], building: Callable[..., Built]
-) -> None:
+def test_runs_with_different_bodies_are_not_batched(sound: dict[str, Any], building: Callable[..., Built]) -> None:
     sound["agents"]["robot"]["components"] = {"sense": {"use": "perception.omniscient"}}
     sound["harbour"] = {"north": [0, 9]}
     assert refusal(building(sound)) is None

@@ -1,4 +1,4 @@
-"""What `symaware new` writes."""
+"""The files that `symaware new` writes."""
 
 import re
 from pathlib import Path
@@ -33,7 +33,7 @@ def test_both_formats_describe_the_same_scenario(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("toml", [False, True])
-def test_a_new_scenario_says_how_to_run_it_and_explains_its_lines(toml: bool) -> None:
+def test_a_new_scenario_explains_how_to_run_it_and_its_lines(toml: bool) -> None:
     text = template("fresh", toml=toml)
     assert f"symaware run fresh.{'toml' if toml else 'yaml'}" in text
     assert text.count("#") >= 10
@@ -49,7 +49,7 @@ def test_an_invalid_name_is_refused(name: str) -> None:
         template(name)
 
 
-def test_new_writes_a_file_once_and_overwrites_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_new_writes_a_file_and_overwrites_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     runner = CliRunner()
     for arguments, name in ((["new", "fresh"], "fresh.yaml"), (["new", "fresh", "--toml"], "fresh.toml")):

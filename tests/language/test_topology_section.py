@@ -116,7 +116,7 @@ def test_a_link_may_be_slower_than_others(tmp_path: Path) -> None:
     assert np.median(others) < 150_000_000
 
 
-def test_the_order_of_groups_changes_nothing_but_the_file(tmp_path: Path) -> None:
+def test_the_order_of_groups_changes_only_the_file(tmp_path: Path) -> None:
     turned = changed()
     turned["agents"] = dict(reversed(list(turned["agents"].items())))
     one, other = ran(tmp_path, SCENARIO), ran(tmp_path, turned, "turned")
@@ -136,7 +136,7 @@ def digest_of(log: Path, topic: str) -> Any:
     return [(message.time, message.data) for message in untyped(log).messages(topic)]
 
 
-def test_another_agent_changes_nobody_elses_messages(tmp_path: Path) -> None:
+def test_another_agent_does_not_change_messages_of_others(tmp_path: Path) -> None:
     far = changed(agents__ghost={"model": {"use": "single-integrator"}, "state": [100.0, 100.0]})
     one, other = (
         {
@@ -156,7 +156,7 @@ def test_runs_are_equal_to_the_byte_in_both_modes(tmp_path: Path) -> None:
     assert list(ran(tmp_path, SCENARIO).communications())
 
 
-def test_in_the_asynchronous_mode_messages_arrive_at_their_very_time(tmp_path: Path) -> None:
+def test_in_the_asynchronous_mode_messages_arrive_at_their_exact_time(tmp_path: Path) -> None:
     log = ran(tmp_path, changed(run__mode="asynchronous"))
     latencies = [entry.latency for entry in log.communications() if entry.stage == "DELIVERED"]
     assert sum(latency % STEP != 0 for latency in latencies) > 0.9 * len(latencies)
@@ -209,7 +209,7 @@ def test_messages_may_be_left_out_of_the_log(messages: Any, stages: Any, tmp_pat
     assert {entry.stage for entry in log.communications()} == stages
 
 
-def test_without_a_topology_everybody_reaches_everybody_with_the_next_step(tmp_path: Path) -> None:
+def test_without_a_topology_every_agent_reaches_every_other_at_the_next_step(tmp_path: Path) -> None:
     log = ran(tmp_path, changed(topology=None))
     entries = list(log.communications())
     assert {entry.stage for entry in entries} == {"SENT", "DELIVERED"}
@@ -259,7 +259,7 @@ def test_a_channel_may_be_put_together_from_parts(channel: Any, links: Any, faul
 
 @pytest.mark.parametrize("drop", ["tail", "head"])
 @pytest.mark.parametrize("bandwidth", [1000.0, 3000.0, 7000.0])
-def test_as_much_waits_as_the_queue_holds_whatever_the_bandwidth(bandwidth: float, drop: str, tmp_path: Path) -> None:
+def test_a_queue_holds_its_length_regardless_of_the_bandwidth(bandwidth: float, drop: str, tmp_path: Path) -> None:
     tell = {"use": "communication.state", "period": 1.0}
     agents = {
         "one": {"model": {"use": "single-integrator"}, "components": {"a": tell, "b": tell, "c": tell}},
@@ -324,7 +324,7 @@ def test_links_can_be_narrowed(tmp_path: Path) -> None:
     assert late == {("robot.2", time * 100_000_000) for time in (4, 5, 6, 7)}
 
 
-def test_a_fault_of_a_link_is_drawn_from_the_chance_of_the_link(tmp_path: Path) -> None:
+def test_a_fault_of_a_link_uses_the_random_draws_of_the_link(tmp_path: Path) -> None:
     faults = {"storm": {"at": 0.0, "drop": {"probability": 0.4}}}
     turned = changed(topology={"use": "complete"}, faults=faults)
     turned["agents"] = dict(reversed(list(turned["agents"].items())))
@@ -346,7 +346,7 @@ def test_a_repeated_run_is_taken_from_the_log_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("fault", [{"stop": "robot.1"}, {"freeze": "robot.1.tell"}])
-def test_an_agent_that_takes_no_part_sends_nothing(fault: dict[str, str], tmp_path: Path) -> None:
+def test_an_excluded_agent_sends_no_messages(fault: dict[str, str], tmp_path: Path) -> None:
     faults = {"end": {"at": 0.5, "for": 0.5, **fault}}
     log = ran(tmp_path, changed(topology={"use": "complete"}, faults=faults))
     said = {entry.time for entry in log.communications() if entry.stage == "SENT" and entry.sender == "robot.1"}

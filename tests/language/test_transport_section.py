@@ -1,4 +1,4 @@
-"""The `transport` section: read with the scenario, and of use to runs of several processes only."""
+"""The `transport` section: read with the scenario, and used only by runs of several processes."""
 
 from pathlib import Path
 from typing import Any
@@ -29,18 +29,18 @@ def built(tmp_path: Path) -> Any:
     return build_with
 
 
-def test_it_says_what_carries_a_run_and_how(built: Any) -> None:
+def test_the_section_defines_the_transport_and_its_parameters(built: Any) -> None:
     transport = built({"use": "tcp", "with": {"timeout": 0.5, "maximum_frame": 4096}}).sections["transport"]
     assert isinstance(transport, Tcp)
     assert (transport.parameters.timeout, transport.parameters.maximum_frame) == (0.5, 4096)
     assert transport.parameters.members == 64
 
 
-def test_it_may_be_left_out(built: Any) -> None:
+def test_the_section_may_be_left_out(built: Any) -> None:
     assert "transport" not in built(None).sections
 
 
-def test_in_one_process_it_changes_nothing(built: Any, tmp_path: Path) -> None:
+def test_in_one_process_the_section_has_no_effect(built: Any, tmp_path: Path) -> None:
     logs = set()
     for name, transport in (("none", None), ("tcp", {"use": "tcp"}), ("memory", {"use": "memory"})):
         execute(built(transport), tmp_path / f"{name}.mcap")

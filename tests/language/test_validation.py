@@ -52,7 +52,7 @@ class Car(_Model):
 
 @pytest.fixture
 def judged(tmp_path: Path) -> Any:
-    """Check what stands in a file against a model, and return the problems."""
+    """Check the content of a file against a model, and return the problems."""
 
     def judge(text: str, model: type[BaseModel] = Car, others: tuple[Place, ...] = ()) -> list[Problem]:
         path = tmp_path / "car.yaml"
@@ -97,7 +97,7 @@ def judged(tmp_path: Path) -> Any:
         ("doors: 5", "`doors`: a car with so many doors needs a mass", None),
     ],
 )
-def test_a_value_of_the_wrong_kind_says_what_it_is_and_what_was_expected(
+def test_a_value_of_the_wrong_kind_is_reported_with_the_expected_one(
     judged: Any, text: str, message: str, expected: str | None
 ) -> None:
     (problem,) = judged(text)
@@ -106,7 +106,7 @@ def test_a_value_of_the_wrong_kind_says_what_it_is_and_what_was_expected(
     assert problem.suggestion is None
 
 
-def test_a_rule_over_two_fields_is_shown_at_what_holds_them_and_one_over_a_single_field_at_that(judged: Any) -> None:
+def test_a_rule_over_two_fields_is_shown_at_their_section_and_one_over_a_single_field_at_the_field(judged: Any) -> None:
     class Garage(BaseModel):
         car: Car
 
@@ -132,7 +132,7 @@ def test_a_key_that_is_not_like_any_is_reported_beside_the_missing_one(judged: A
     assert [problem.code for problem in judged("axle: {width: 1}\n")] == ["missing-field", "unknown-key"]
 
 
-def test_a_key_in_the_wrong_place_is_sent_where_it_belongs(judged: Any) -> None:
+def test_a_misplaced_key_is_reported_with_its_proper_place(judged: Any) -> None:
     (problem,) = judged("axle: {radius: 1, doors: 5}\n")
     assert (problem.message, problem.expected) == ("unknown key `doors`", "it at the top level")
     (problem,) = judged("radius: 1\n")
@@ -141,7 +141,7 @@ def test_a_key_in_the_wrong_place_is_sent_where_it_belongs(judged: Any) -> None:
     assert problem.expected == "it under `motor.with`"
 
 
-def test_a_name_that_is_like_one_here_beats_one_that_is_right_elsewhere(judged: Any) -> None:
+def test_a_similar_name_here_takes_precedence_over_an_equal_one_elsewhere(judged: Any) -> None:
     (problem,) = judged("door: 5\n", Car, (("motor", "with", "door"),))
     assert problem.suggestion == "doors"
 

@@ -1,4 +1,4 @@
-"""The versions of what is installed, and what computes."""
+"""The versions of installed packages, and of the numerical kernels."""
 
 import sys
 import zipfile
@@ -44,7 +44,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     return tmp_path
 
 
-def test_of_a_package_that_is_on_the_path_twice_the_one_that_is_imported_counts(folder: Path) -> None:
+def test_of_a_package_twice_on_the_path_the_imported_one_is_listed(folder: Path) -> None:
     (folder / "numpy-99.dist-info").mkdir()
     assert versions()["numpy"] == "99"
 
@@ -56,9 +56,7 @@ def test_names_of_packages_have_one_spelling_for_every_installer(name: str, fold
     assert versions()["odd-name"] == "1.5"
 
 
-def test_a_folder_without_a_name_and_one_that_is_not_there_are_passed_over(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_folder_without_a_name_and_a_missing_one_are_skipped(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (folder / "broken.dist-info").mkdir()
     monkeypatch.syspath_prepend(folder / "missing")
     assert "broken" not in versions()

@@ -1,4 +1,4 @@
-"""What `validate` warns of: agents without a body, and assumptions that no environment can keep."""
+"""Warnings of `validate`: agents without a body, and assumptions that no environment can keep."""
 
 from pathlib import Path
 from typing import Any
@@ -37,11 +37,11 @@ def test_an_agent_without_a_body_is_reported_where_it_could_collide(world: str, 
     assert bodies(tmp_path, world, PILLAR, a={"entity": DISC}) == []
 
 
-def test_where_there_is_nothing_to_collide_with_no_body_is_missed(tmp_path: Path) -> None:
+def test_a_missing_body_is_not_reported_without_objects_to_collide_with(tmp_path: Path) -> None:
     assert bodies(tmp_path, "kinematic", {}, a={}, b={}) == []
 
 
-def test_a_point_on_purpose_is_no_mistake(tmp_path: Path) -> None:
+def test_a_deliberate_point_is_not_reported(tmp_path: Path) -> None:
     assert bodies(tmp_path, "kinematic", PILLAR, a={"entity": {"shape": None}}) == []
 
 

@@ -77,7 +77,7 @@ def marked(source: Source, path: tuple[str | int, ...], key: bool = False) -> st
         ("١", "١"),
     ],
 )
-def test_scalars_mean_what_the_core_schema_of_yaml_1_2_says(tmp_path: Path, text: str, value: object) -> None:
+def test_scalars_follow_the_core_schema_of_yaml_1_2(tmp_path: Path, text: str, value: object) -> None:
     data = read(tmp_path, f"a: {text}").data["a"]
     assert data == value
     assert type(data) is type(value)
@@ -149,7 +149,7 @@ def test_a_number_of_any_length_is_refused_and_not_converted(tmp_path: Path, dig
 
 
 @pytest.mark.parametrize("key", ["01", "0x1", "+1", "true", "null", "1.5", "~"])
-def test_a_key_that_is_no_text_says_how_to_write_it(tmp_path: Path, key: str) -> None:
+def test_a_key_that_is_no_text_is_reported_with_its_correction(tmp_path: Path, key: str) -> None:
     (problem,) = problems(tmp_path, f"a: 1\n{key}: 2\n")
     assert problem.code == "key-not-text"
     assert problem.expected == f'"{key}"'
@@ -165,7 +165,7 @@ def test_a_list_or_mapping_cannot_be_a_key(tmp_path: Path, text: str) -> None:
     assert only(tmp_path, text)[0] == "key-not-text"
 
 
-def test_an_alias_is_its_value_at_its_own_place(tmp_path: Path) -> None:
+def test_an_alias_is_its_value_at_the_place_of_the_alias(tmp_path: Path) -> None:
     source = read(tmp_path, "a: &x {b: 1}\nc: *x\n")
     assert source.data == {"a": {"b": 1}, "c": {"b": 1}}
     assert source.data["a"] is not source.data["c"]
@@ -175,7 +175,7 @@ def test_an_alias_is_its_value_at_its_own_place(tmp_path: Path) -> None:
     assert span.line == 1
 
 
-def test_merge_keys_give_way_to_explicit_keys_and_earlier_mappings(tmp_path: Path) -> None:
+def test_explicit_keys_and_earlier_mappings_take_precedence_over_merge_keys(tmp_path: Path) -> None:
     source = read(tmp_path, "a: &a {x: 1, y: 2}\nb: {y: 3, <<: *a}\nc: {<<: [*a, {x: 9, z: 4}]}\n'<<': 1\n")
     assert source.data["b"] == {"x": 1, "y": 3}
     assert source.data["c"] == {"x": 1, "y": 2, "z": 4}
@@ -184,7 +184,7 @@ def test_merge_keys_give_way_to_explicit_keys_and_earlier_mappings(tmp_path: Pat
     assert only(tmp_path, "a: {<<: [{}, 3]}") == ("bad-merge", 1, 14)
 
 
-def test_an_alias_to_nothing_or_to_itself_is_a_problem(tmp_path: Path) -> None:
+def test_an_undefined_or_recursive_alias_is_a_problem(tmp_path: Path) -> None:
     (problem,) = problems(tmp_path, "a: &speed 1\nb: *sped\n")
     assert (problem.code, problem.suggestion) == ("undefined-alias", "speed")
     assert only(tmp_path, "a: &a [*a]") == ("cyclic-alias", 1, 8)
@@ -289,7 +289,7 @@ def test_a_byte_order_mark_is_accepted(tmp_path: Path) -> None:
     assert problems(tmp_path, b"\xef\xbb\xbf\xff")[0].code == "not-utf-8"
 
 
-def test_a_file_that_cannot_be_read_says_why(tmp_path: Path) -> None:
+def test_an_unreadable_file_is_reported_with_the_reason(tmp_path: Path) -> None:
     def code(path: Path) -> str:
         with pytest.raises(ScenarioError) as caught:
             load(path, "name")
@@ -315,7 +315,7 @@ def test_a_missing_file_suggests_its_neighbour(tmp_path: Path) -> None:
     assert caught.value.problems[0].suggestion == "hello.yaml"
 
 
-def test_a_file_of_nothing_but_problems_is_given_up_after_a_hundred(tmp_path: Path) -> None:
+def test_parsing_stops_after_a_hundred_problems(tmp_path: Path) -> None:
     assert len(problems(tmp_path, "".join(f"a: {i}\n" for i in range(10_000)))) <= 100
 
 
@@ -336,7 +336,7 @@ _VALUES = st.recursive(
 
 
 class _CoreDumper(yaml.SafeDumper):
-    """Writes YAML 1.2: what only YAML 1.1 reads as a number or date needs no quotes, but what 1.2 reads as one does."""
+    """Writes YAML 1.2: texts that only YAML 1.1 reads as numbers or dates need no quotes, unlike those of 1.2."""
 
     def ignore_aliases(self, data: object) -> bool:
         return True

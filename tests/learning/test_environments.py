@@ -278,7 +278,7 @@ def test_one_environment_of_gymnasium_has_one_learning_agent() -> None:
 
 
 def test_a_scenario_without_learning_agents_is_refused() -> None:
-    with pytest.raises(sa.LearningError, match="say which agents learn"):
+    with pytest.raises(sa.LearningError, match="name the agents that learn"):
         sa.env(HEAD_ON)
 
 

@@ -133,7 +133,7 @@ ELSEWHERE = message([(1, 2), (1, 2), (2, 1), (8, "w"), (13, message([(1, "locati
         ),
     ],
 )
-def test_what_cannot_be_computed_is_refused_with_a_message(content: bytes, said: str) -> None:
+def test_unsupported_networks_are_refused_with_a_message(content: bytes, said: str) -> None:
     with pytest.raises(OnnxError, match=said):
         network(content)
 

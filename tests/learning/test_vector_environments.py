@@ -169,7 +169,8 @@ def test_functions_of_rows_get_the_agents_of_all_environments() -> None:
     assert observed[2].tobytes() == np.array([*single.reset(seed=3)[0].values()]).tobytes()
     one_by_one = sa.vector_env(HEAD_ON, 1, "robot", observation=centred)
     assert (
-        one_by_one.unbatched == "the function `observation` does not say that it computes the rows of many environments"
+        one_by_one.unbatched
+        == "the function `observation` does not declare that it computes the rows of many environments"
     )
 
 

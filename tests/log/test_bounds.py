@@ -1,4 +1,4 @@
-"""However a log was made, its size and that of our chunks bound the time and memory that reading it takes."""
+"""The time and memory to read any log are bounded by its size and that of our chunks."""
 
 import gc
 import time
@@ -39,7 +39,7 @@ def written(tmp_path: Path, anatomy: Anatomy) -> Path:
 
 
 def peak(work: Callable[..., Any]) -> int:
-    """The most memory that something takes, bytes; of what Python and NumPy ask for."""
+    """The peak memory of a function, as allocated by Python and NumPy [bytes]."""
     gc.collect()
     tracemalloc.start()
     try:
@@ -50,7 +50,7 @@ def peak(work: Callable[..., Any]) -> int:
 
 
 def zeros(size: int, *, told: bool = True) -> bytes:
-    """Zeros that zstd made small, with or without a word of how many they are."""
+    """Zeros compressed by zstd, with or without their size."""
     packer = zstandard.ZstdCompressor(level=1, write_content_size=told).compressobj(size=size if told else -1)
     pieces = [packer.compress(bytes(min(1 << 20, size - at))) for at in range(0, size, 1 << 20)]
     return b"".join([*pieces, packer.flush()])
@@ -59,7 +59,7 @@ def zeros(size: int, *, told: bool = True) -> bytes:
 @pytest.mark.parametrize("claimed", [1 << 16, 1 << 20, 1 << 27, 1 << 30, 1 << 62])
 @pytest.mark.parametrize("kind", ["zstd", "zstd, size unknown", "lz4"])
 @pytest.mark.parametrize("summary", [True, False])
-def test_a_chunk_that_swells_costs_no_more_than_ours(
+def test_a_chunk_that_unpacks_to_a_large_size_takes_bounded_memory(
     sample: Anatomy, tmp_path: Path, kind: str, claimed: int, summary: bool
 ) -> None:
     content = lz4.frame.compress(bytes(1 << 28)) if kind == "lz4" else zeros(1 << 28, told=kind == "zstd")
@@ -81,7 +81,7 @@ def test_a_chunk_of_ours_is_large_only_with_one_message(sample: Anatomy, tmp_pat
     assert len(list(open_log(written(tmp_path, sample)).messages())) == 20_001
 
 
-def test_the_writer_refuses_a_message_that_no_reader_would_take(tmp_path: Path) -> None:
+def test_the_writer_refuses_a_message_that_readers_would_reject(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "log.mcap") as writer:
         channel = writer.channel("/events", "Event")
         writer.add(channel, 0, b"")
@@ -162,7 +162,7 @@ def problem(message: LogMessage) -> str:
 
 
 def test_every_altered_message_is_decoded_or_refused_in_a_sentence(sample: Anatomy, tmp_path: Path) -> None:
-    """Whatever becomes of its bytes; and what is decoded fits together."""
+    """For any change of its bytes; decoded messages are consistent."""
     log = open_log(written(tmp_path, sample))
     messages = {message.channel.topic: message for message in log.messages()}
     chance, refused = Random(3), 0
@@ -180,9 +180,7 @@ def test_every_altered_message_is_decoded_or_refused_in_a_sentence(sample: Anato
 @pytest.mark.parametrize("depth", [MAX_DEPTH + 1, 500, 100_000])
 @pytest.mark.parametrize(("opening", "closing"), [("[", "]"), ('{"a": ', "}"), ('[{"a": ', "}]")])
 @pytest.mark.parametrize("closed", [True, False])
-def test_text_that_is_nested_deeper_than_anybody_writes_is_refused(
-    depth: int, opening: str, closing: str, closed: bool
-) -> None:
+def test_text_that_is_nested_too_deeply_is_refused(depth: int, opening: str, closing: str, closed: bool) -> None:
     text = opening * depth + ("1" + closing * depth) * closed
     for read in (read_json, read_yaml):
         with pytest.raises(ValueError, match=r"nested|not YAML|Expecting|more text"):

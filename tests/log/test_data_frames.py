@@ -137,7 +137,7 @@ def test_a_dataset_has_agents_time_and_columns_with_units(log: Log) -> None:
     assert log.to_xarray("car").state.shape == (1, 40, 3)
 
 
-def test_a_table_has_a_frame_of_its_own(tmp_path: Path) -> None:
+def test_a_table_has_a_separate_frame(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "table.mcap") as writer:
         groups = {"robot": {"agents": ["robot"]}}
         writer.attach("manifest.json", "application/json", json.dumps({"format": 1, "groups": groups}).encode())
@@ -157,7 +157,7 @@ def test_a_table_has_a_frame_of_its_own(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("name", "field"), [("robto", "world"), ("robot", "wrold"), ("robot", "pose"), ("car", "world")]
 )
-def test_unknown_names_raise_what_series_raises(log: Log, name: str, field: str) -> None:
+def test_unknown_names_raise_the_same_errors_as_in_series(log: Log, name: str, field: str) -> None:
     with pytest.raises(LogError) as expected:
         log.series(name, field)
     for call in (log.frame, log.to_xarray):

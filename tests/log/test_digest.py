@@ -26,13 +26,13 @@ def test_runs_whose_chunks_were_cut_elsewhere_have_equal_digests(
     assert set(first.attachments) == {"manifest.json", "resolved.yaml", "scenario/hello.yaml"}
 
 
-def test_a_log_without_its_summary_has_the_digest_it_had(tmp_path: Path, sample: Path) -> None:
+def test_a_log_without_its_summary_keeps_its_digest(tmp_path: Path, sample: Path) -> None:
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(sample.read_bytes()[:-10])
     assert digest(open_log(cut)) == digest(open_log(sample))
 
 
-def test_the_digest_is_what_the_document_defines(tmp_path: Path) -> None:
+def test_the_digest_follows_its_definition_in_the_document(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "log.mcap") as writer:
         writer.attach("manifest.json", "application/json", b'{"format": 1}')
         channel, empty = writer.channel("/b", "Rows"), writer.channel("/a", "Event")
@@ -80,7 +80,7 @@ def test_a_difference_is_reported_at_its_place(tmp_path: Path, change: Callable[
     assert (digests[0].combined == digests[1].combined) == (not topics)
 
 
-def test_messages_in_another_order_make_another_digest(tmp_path: Path) -> None:
+def test_messages_in_another_order_change_the_digest(tmp_path: Path) -> None:
     digests = []
     for number, order in enumerate([(b"a", b"b"), (b"b", b"a")]):
         with LogWriter(tmp_path / f"{number}.mcap") as writer:

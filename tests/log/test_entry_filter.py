@@ -1,4 +1,4 @@
-"""Which events, messages and contacts are found."""
+"""Selection of events, messages and contacts."""
 
 import json
 from typing import Any

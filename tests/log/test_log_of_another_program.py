@@ -1,4 +1,4 @@
-"""Of a log by another program only what the file says is shown: its own times, channels and counts."""
+"""Of a log by another program only facts in the file are shown: its own times, channels and counts."""
 
 import json
 import re
@@ -40,7 +40,7 @@ def shown(*arguments: object) -> str:
     return done.output
 
 
-def test_every_figure_is_that_of_the_files_own_statistics(bag: Path) -> None:
+def test_figures_equal_the_statistics_in_the_file(bag: Path) -> None:
     with open(bag, "rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
@@ -55,7 +55,7 @@ def test_every_figure_is_that_of_the_files_own_statistics(bag: Path) -> None:
     assert {each.topic: each.messages for each in found.channels if each.messages} == counted
 
 
-def test_inspect_says_how_long_it_lasts_and_nothing_that_it_does_not_know(bag: Path) -> None:
+def test_inspect_reports_the_duration_and_no_unknown_facts(bag: Path) -> None:
     text = shown("inspect", bag)
     assert "time      4.5 s, from 1585866235.1124115 s to 1585866239.6124115 s" in text
     assert not re.search(r"None|unknown|0 to |scenario|seed|steps|agents", text)

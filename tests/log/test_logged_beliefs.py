@@ -1,4 +1,4 @@
-"""What an agent believed of another, as it was recorded."""
+"""The recorded beliefs of an agent about another."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -104,7 +104,7 @@ def test_an_omniscient_agent_knows_the_truth_at_that_instant(write: Callable[...
         ("robot.1", 6, False, ("x", "y", "z", "vx", "vy", "vz")),
     ],
 )
-def test_columns_have_names_where_the_log_tells_which_they_are(
+def test_columns_have_names_if_the_log_contains_them(
     write: Callable[..., Log], other: str, columns: int, covariances: bool, names: tuple[str, ...]
 ) -> None:
     spread = np.eye(columns) if covariances else ()

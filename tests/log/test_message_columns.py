@@ -1,4 +1,4 @@
-"""Messages that are recorded, a batch at a time."""
+"""Messages are recorded in batches."""
 
 import csv
 from collections.abc import Callable
@@ -50,7 +50,7 @@ def log_of(tmp_path: Path) -> Callable[..., Path]:
 
 @pytest.fixture
 def columns(log_of: Callable[..., Path]) -> Path:
-    """A log with numbers that two of the robots say."""
+    """A log with numbers in messages of two of the robots."""
     said = {"goal": np.array([[1.0, 2.0], [3.0, 4.0]]), "risk": np.array([0.5, 0.25])}
     batch = MessageBatch(np.array([0, 2]), said)
     rows, receivers = np.array([0, 1, 1]), np.array([1, 0, 1])
@@ -128,7 +128,7 @@ def test_columns_that_do_not_fit_together_are_damage(tmp_path: Path, columns: di
         list(open_log(path).communications())
 
 
-def test_logs_of_earlier_versions_tell_single_messages_and_those_of_groups_on_two_channels(
+def test_logs_of_earlier_versions_have_single_messages_and_those_of_groups_on_two_channels(
     log_of: Callable[..., Path], tmp_path: Path
 ) -> None:
     path = tmp_path / "former.mcap"

@@ -37,7 +37,7 @@ def test_a_log_that_is_being_written_is_not_opened_by_another_process(tmp_path: 
 
 
 @pytest.mark.parametrize("end", ["finish", "abort"])
-def test_a_log_can_be_written_anew_once_its_writer_is_done(end: str, tmp_path: Path) -> None:
+def test_a_log_can_be_overwritten_once_its_writer_has_closed_it(end: str, tmp_path: Path) -> None:
     path = tmp_path / "run.mcap"
     path.write_bytes(b"something longer than a log that has no messages" * 1000)
     for _ in range(2):

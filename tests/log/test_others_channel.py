@@ -1,4 +1,5 @@
-"""What agents believe of others is recorded whole: states, covariances, ages, intents, uncertainties and risks."""
+"""Beliefs of agents about others are recorded completely: states, covariances, ages, intents, uncertainties and
+risks."""
 
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ STEP = 50_000_000
 
 
 class Writes(Component):
-    """Believes something of another, from the third step on something else; forgets its intent at the fifth."""
+    """Has a belief about another, another one from the third step on, and forgets its intent at the fifth."""
 
     def _compute(self) -> TimeSeries:
         step = self.now // STEP
@@ -48,7 +49,7 @@ def test_intents_and_risks_of_others_are_in_the_log_when_they_change(tmp_path: P
     assert not log.beliefs("robot.1", "robot.0").series
 
 
-def test_they_stand_beside_what_is_perceived(tmp_path: Path) -> None:
+def test_received_intents_are_recorded_beside_perceived_states(tmp_path: Path) -> None:
     log = recorded(tmp_path, OmniscientPerception)
     beliefs = log.beliefs("robot.0", "robot.1")
     assert len(beliefs.series["intent"]) == 3

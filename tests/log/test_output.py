@@ -136,7 +136,7 @@ def test_a_file_larger_than_allowed_is_reported_and_left_out(tmp_path: Path, kin
     assert listing(tmp_path) == ["old"]
 
 
-def test_the_source_is_not_overwritten_under_whatever_name(tmp_path: Path) -> None:
+def test_the_source_is_not_overwritten_under_any_name(tmp_path: Path) -> None:
     source = tmp_path / "log.mcap"
     source.write_bytes(b"source")
     (tmp_path / "link.mcap").symlink_to(source)
@@ -163,7 +163,7 @@ def test_only_files_are_replaced_by_files(tmp_path: Path, monkeypatch: pytest.Mo
     assert listing(tmp_path) == ["folder", "pipe"]
 
 
-def test_a_folder_with_something_in_it_is_not_replaced(tmp_path: Path) -> None:
+def test_a_nonempty_folder_is_not_replaced(tmp_path: Path) -> None:
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "kept").write_text("kept")
     (tmp_path / "file").write_text("kept")
@@ -181,7 +181,7 @@ def test_an_empty_folder_may_be_the_present_one(tmp_path: Path, monkeypatch: pyt
     assert listing(tmp_path) == ["a.csv", "here"]
 
 
-def test_being_killed_in_the_middle_leaves_what_was_there(tmp_path: Path) -> None:
+def test_a_killed_process_leaves_the_existing_file(tmp_path: Path) -> None:
     (tmp_path / "out.mcap").write_bytes(b"old")
     code = """
 from symaware_cli.log.output import whole_file

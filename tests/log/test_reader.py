@@ -1,4 +1,4 @@
-"""What the reader makes of a sound log."""
+"""The results of reading a sound log."""
 
 import json
 import os
@@ -45,7 +45,7 @@ def write(tmp_path: Path) -> Callable[..., Path]:
     return write
 
 
-def test_a_log_tells_what_is_in_it(sample: Path) -> None:
+def test_a_log_lists_its_content(sample: Path) -> None:
     log = open_log(sample)
     assert log.manifest["name"] == "sample"
     assert (log.start_time, log.end_time) == (0, 39 * STEP)
@@ -125,7 +125,7 @@ def test_an_agent_has_a_series_of_the_instants_at_which_it_was_recorded(write: C
     assert log.series("robot.2", "state").values.tolist() == [[4.0], [9.0]]
 
 
-def test_of_a_time_series_its_first_point_is_taken(write: Callable[..., Path]) -> None:
+def test_the_first_point_of_a_time_series_is_used(write: Callable[..., Path]) -> None:
     shared = wire.encode_series([0, 10], np.arange(6).reshape(3, 2, 1))
     own = wire.encode_series([5, 15, 5], [[7.0], [8.0], [9.0]], [2, 0, 1])
     log = open_log(write("risk", "SeriesRows", [(0, shared), (5, own)]))
@@ -208,7 +208,7 @@ def test_unsuitable_knowledge_is_reported(write: Callable[..., Path], message: K
         list(log.knowledge())
 
 
-def test_a_series_tells_its_times_in_seconds_and_its_columns_by_name(sample: Path) -> None:
+def test_a_series_has_times_in_seconds_and_columns_by_name(sample: Path) -> None:
     series = open_log(sample).series("robot", "state")
     assert series.seconds[:3].tolist() == [0.0, 0.05, 0.1]
     assert np.array_equal(series.column("y"), series.values[:, :, 1])
@@ -432,7 +432,7 @@ NO_MANIFESTS = {
 
 
 @pytest.mark.parametrize("kind", NO_MANIFESTS)
-def test_a_manifest_that_is_none_is_left_out_as_damaged(tmp_path: Path, kind: str) -> None:
+def test_an_invalid_manifest_is_left_out_as_damaged(tmp_path: Path, kind: str) -> None:
     log = open_log(manifest_only(tmp_path / "log.mcap", NO_MANIFESTS[kind]))
     assert (log.manifest, log.foreign, log.agents) == ({}, False, {})
     assert log.damage is not None
@@ -442,7 +442,7 @@ def test_a_manifest_that_is_none_is_left_out_as_damaged(tmp_path: Path, kind: st
         log.require_manifest()
 
 
-def test_a_manifest_may_say_what_this_version_does_not_know(tmp_path: Path) -> None:
+def test_a_manifest_may_have_entries_unknown_to_this_version(tmp_path: Path) -> None:
     content = {**MANIFEST, "weather": "fair", "entities": {"wall": {"colour": "red"}}}
     log = open_log(manifest_only(tmp_path / "log.mcap", json.dumps(content).encode()))
     assert log.manifest == content
@@ -509,7 +509,7 @@ def test_a_log_with_a_similar_name_is_suggested_for_a_missing_one(tmp_path: Path
 
 
 @pytest.mark.parametrize("name", ["hello.yaml", "hello.yml", "hello.toml"])
-def test_of_a_scenario_is_said_that_running_it_writes_a_log(tmp_path: Path, name: str) -> None:
+def test_opening_a_scenario_as_a_log_suggests_running_it(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_text("symaware: 1\n")
     with pytest.raises(LogError, match=f"is not a log; `symaware run .*{name}` writes that of a scenario"):
         open_log(tmp_path / name)

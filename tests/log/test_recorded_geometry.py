@@ -126,7 +126,7 @@ def test_the_same_world_makes_the_same_bytes(tmp_path: Path) -> None:
     assert all(one.data == other.data for one, other in pairs)
 
 
-def test_only_who_moved_is_recorded(tmp_path: Path) -> None:
+def test_only_moved_entities_are_recorded(tmp_path: Path) -> None:
     still = {"shape": BOX, "position": [9, 9, 0.05], "mass": 1.0}
     environment = world({"box": still}, gravity=(0, 0, 0), ground=None, groups=[_driven()])
     for _ in recorded(tmp_path / "a.mcap", environment, 5):
@@ -156,7 +156,7 @@ def test_a_world_in_a_plane_has_no_geometry() -> None:
     assert environment.joint_positions("box") is None
 
 
-def test_agents_that_stay_upright_say_at_which_height_they_are_once() -> None:
+def test_the_height_of_upright_agents_is_recorded_once() -> None:
     with world(groups=[_driven()]) as environment:
         writer = GeometryWriter(environment, {})
         assert environment.body_poses("robot") is None
@@ -179,7 +179,7 @@ def post(tmp_path: Path) -> dict[str, Any]:
     return {"shape": {"urdf": {"file": "post.urdf", "radius": 1}}, "position": [5, 5]}
 
 
-def test_a_mesh_that_is_too_large_is_the_box_around_it_and_the_log_says_so(
+def test_a_mesh_that_is_too_large_is_replaced_by_its_bounding_box_with_a_note(
     tmp_path: Path, post: dict[str, Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(geometry, "LARGEST", 10)
@@ -194,7 +194,7 @@ def test_a_mesh_that_is_too_large_is_the_box_around_it_and_the_log_says_so(
     assert writer.notes == ["the mesh cube.obj is drawn as the box around it: it has 0.0 MiB"]
 
 
-def test_a_mesh_that_the_log_has_already_is_not_there_twice(tmp_path: Path, post: dict[str, Any]) -> None:
+def test_a_mesh_is_stored_only_once(tmp_path: Path, post: dict[str, Any]) -> None:
     with world({"post": post}, [_driven()], folder=tmp_path) as environment:
         own = GeometryWriter(environment, {"cube.obj": CUBE.encode()})
         other = GeometryWriter(environment, {})
@@ -240,7 +240,7 @@ def test_a_collada_mesh_becomes_one_that_viewers_know(tmp_path: Path, post: dict
     np.testing.assert_allclose(parse_mesh(made, ".stl").bounds(), parse_mesh(kept, ".stl").bounds(), atol=1e-6)
 
 
-def test_a_mesh_that_nobody_can_draw_is_left_out_and_the_log_says_so(tmp_path: Path, post: dict[str, Any]) -> None:
+def test_a_mesh_that_viewers_cannot_draw_is_left_out_with_a_note(tmp_path: Path, post: dict[str, Any]) -> None:
     (tmp_path / "cube.ply").write_text("ply")
     (tmp_path / "post.urdf").write_text((tmp_path / "post.urdf").read_text().replace("cube.obj", "cube.ply"))
     with world({"post": post}, [_driven()], folder=tmp_path) as environment:
@@ -249,7 +249,7 @@ def test_a_mesh_that_nobody_can_draw_is_left_out_and_the_log_says_so(tmp_path: P
     assert writer.notes[0].startswith("the mesh cube.ply is left out: viewers know no .ply files")
 
 
-def test_a_body_whose_mass_lies_aside_is_where_its_base_is(tmp_path: Path, post: dict[str, Any]) -> None:
+def test_a_body_with_an_offset_centre_of_mass_is_recorded_at_its_base(tmp_path: Path, post: dict[str, Any]) -> None:
     inertial = "<inertial><origin xyz='0 0.1 0.3'/><mass value='2'/><inertia ixx='1' iyy='1' izz='1'/></inertial>"
     text = (tmp_path / "post.urdf").read_text().replace("<link name='a'>", f"<link name='a'>{inertial}")
     (tmp_path / "post.urdf").write_text(text)

@@ -1,4 +1,4 @@
-"""The recorder writes what changed, when it changed."""
+"""The recorder writes changes at the instants of the changes."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What is read of a log that is damaged, and what is said of it."""
+"""Damaged logs are read as far as possible, with a description of the damage."""
 
 import contextlib
 import os
@@ -56,7 +56,7 @@ def chunks(sound: Path) -> list[tuple[int, list[LogMessage]]]:
 
 
 def use(log: Log) -> list[LogMessage]:
-    """Look at everything in a log, and return its messages."""
+    """Read all content of a log, and return its messages."""
     messages = list(log.messages())
     for message in messages:
         if message.channel.schema.startswith("symaware"):
@@ -79,7 +79,7 @@ def check_cut(
     chunks: Sequence[tuple[int, list[LogMessage]]],
     cut: int,
 ) -> None:
-    """Cut the log, and see that everything up to the break is read and the loss is told."""
+    """Cut the log, and check that everything up to the break is read and the loss is reported."""
     path.write_bytes(whole[:cut])
     header_end = places[0][2]
     if cut < header_end:
@@ -128,7 +128,7 @@ def test_a_log_cut_anywhere_is_read_up_to_the_break(tmp_path: Path, whole: Any, 
 
 
 @pytest.mark.parametrize("tail", [b"\0" * 4096, b"\0", b"\xa5" * 999, random.Random(1).randbytes(5000)])
-def test_a_tail_of_zeros_or_noise_costs_nothing_before_it(
+def test_a_tail_of_zeros_or_noise_does_not_affect_earlier_data(
     tmp_path: Path,
     whole: bytes,
     places: list[tuple[int, int, int]],
@@ -155,7 +155,7 @@ def test_a_tail_of_zeros_or_noise_costs_nothing_before_it(
 def test_a_chunk_whose_tail_is_zeros_is_left_out(
     tmp_path: Path, whole: bytes, places: list[tuple[int, int, int]], chunks: list[tuple[int, list[LogMessage]]]
 ) -> None:
-    """What a power failure leaves: the file has its length, but not all blocks reached the disk."""
+    """As after a power failure, the file has its length, but not all blocks reached the disk."""
     path = tmp_path / "log.mcap"
     third = [place for place in places if place[0] == Opcode.CHUNK][2]
     cut = third[2] - 100
@@ -193,7 +193,7 @@ def test_a_damaged_chunk_is_left_out_and_counted(
 
 
 @pytest.mark.parametrize("number", [4, -1])
-def test_a_damaged_chunk_that_two_readings_come_across_is_counted_once(
+def test_a_damaged_chunk_that_is_read_twice_is_counted_once(
     tmp_path: Path,
     whole: bytes,
     places: list[tuple[int, int, int]],
@@ -245,7 +245,7 @@ def test_a_damaged_attachment_is_left_out_and_counted(
     assert "1 damaged attachment left out" in str(log.damage)
 
 
-def test_a_damaged_manifest_is_counted_once_however_often_it_is_looked_for(
+def test_a_damaged_manifest_that_is_read_repeatedly_is_counted_once(
     tmp_path: Path, whole: bytes, places: list[tuple[int, int, int]]
 ) -> None:
     path = tmp_path / "log.mcap"
@@ -270,7 +270,7 @@ def test_metadata_that_are_no_json_are_left_out_and_counted(tmp_path: Path, whol
     assert present(log.verify()).attachments_skipped == 1
 
 
-def test_a_damaged_summary_loses_nothing(
+def test_a_damaged_summary_loses_no_data(
     tmp_path: Path, whole: bytes, places: list[tuple[int, int, int]], chunks: list[tuple[int, list[LogMessage]]]
 ) -> None:
     path = tmp_path / "log.mcap"
@@ -288,7 +288,7 @@ def test_a_damaged_summary_loses_nothing(
 
 @settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
-def test_no_damage_ever_raises_but_a_log_error(tmp_path: Path, whole: bytes, data: st.DataObject) -> None:
+def test_damage_raises_only_log_errors(tmp_path: Path, whole: bytes, data: st.DataObject) -> None:
     broken = bytearray(whole)
     for _ in range(data.draw(st.integers(1, 4))):
         place = data.draw(st.integers(0, len(whole) - 1))
@@ -302,7 +302,7 @@ def test_no_damage_ever_raises_but_a_log_error(tmp_path: Path, whole: bytes, dat
         use(open_log(path))
 
 
-def test_a_scan_finds_what_the_summary_says(tmp_path: Path, sound: Path, whole: bytes) -> None:
+def test_a_scan_agrees_with_the_summary(tmp_path: Path, sound: Path, whole: bytes) -> None:
     path = tmp_path / "log.mcap"
     path.write_bytes(whole[:-1])
     scanned, summarised = open_log(path), open_log(sound)

@@ -1,4 +1,4 @@
-"""A damaged log becomes a sound one that holds all that could be read, and says what was lost."""
+"""A damaged log becomes a sound one with all readable data and a record of the loss."""
 
 import hashlib
 import os
@@ -43,14 +43,14 @@ def places(whole: bytes, opcode: int) -> list[tuple[int, int]]:
 
 
 def chunk_data(path: Path) -> list[bytes]:
-    """The compressed data of every chunk, as they stand in the file."""
+    """The compressed data of every chunk, as in the file."""
     data, log = path.read_bytes(), open_log(path)
     # Behind frame, times, size, checksum, the name of the compression, and the length.
     return [data[span.offset + 9 + 28 + 4 + 4 + 8 : span.offset + span.length] for span in log.index.spans]
 
 
 def check(path: Path, new: Path) -> None:
-    """Recover a log, and see that everything that is read of it is read of the new one, too, and of nothing else."""
+    """Recover a log, and check that exactly the readable data of it can be read from the new one."""
     log = open_log(path)
     before = path.read_bytes()
     recovery = recover(log, new)
@@ -119,7 +119,7 @@ def test_sound_chunks_are_copied_as_they_are(tmp_path: Path, whole: bytes) -> No
     assert chunk_data(new) == chunk_data(path)
 
 
-def test_a_sound_log_is_copied_and_says_nothing_of_a_recovery(tmp_path: Path, whole: bytes) -> None:
+def test_a_sound_log_is_copied_without_a_record_of_a_recovery(tmp_path: Path, whole: bytes) -> None:
     path, new = tmp_path / "log.mcap", tmp_path / "new.mcap"
     path.write_bytes(whole)
     check(path, new)
@@ -128,7 +128,7 @@ def test_a_sound_log_is_copied_and_says_nothing_of_a_recovery(tmp_path: Path, wh
 
 
 @pytest.mark.parametrize("summary", [True, False])
-def test_a_damaged_chunk_and_attachment_are_left_out_and_told_with_their_times(
+def test_a_damaged_chunk_and_attachment_are_left_out_and_reported_with_their_times(
     tmp_path: Path, whole: bytes, summary: bool
 ) -> None:
     broken = bytearray(whole)
@@ -152,7 +152,7 @@ def test_a_damaged_chunk_and_attachment_are_left_out_and_told_with_their_times(
     assert present(open_log(path).verify()).missing_from == (10 * STEP if summary else 9 * STEP)
 
 
-def test_the_times_in_the_head_of_a_chunk_which_nothing_guards_are_set_right(tmp_path: Path, whole: bytes) -> None:
+def test_the_unprotected_times_in_the_head_of_a_chunk_are_corrected(tmp_path: Path, whole: bytes) -> None:
     broken = bytearray(whole[:-1])
     start, _ = places(whole, Opcode.CHUNK)[3]
     broken[start : start + 16] = bytes(range(16))
@@ -223,7 +223,7 @@ def test_damaged_logs_of_other_programs_are_recovered_as_well(
 
 
 def test_messages_of_a_channel_that_is_missing_are_left_out_with_their_chunk(tmp_path: Path) -> None:
-    """Nothing guards a chunk whose checksum is zero, as other people's writers may leave it."""
+    """A checksum of zero, as written by some other programs, does not protect a chunk."""
     path, new = tmp_path / "foreign.mcap", tmp_path / "new.mcap"
     with open(path, "wb") as file:
         writer = Writer(file, chunk_size=100, compression=CompressionType.NONE, enable_crcs=False)

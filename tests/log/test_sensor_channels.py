@@ -1,4 +1,4 @@
-"""What sensors measured is in the log, and can be read and seen again."""
+"""Measurements of sensors are in the log, and can be read and shown."""
 
 import io
 import json
@@ -55,7 +55,7 @@ def test_scans_are_as_they_were_measured(path: Path, readings: dict[str, Any]) -
         np.testing.assert_array_equal(scan.pose, pose)
 
 
-def test_points_of_a_scan_lie_on_what_was_met(path: Path) -> None:
+def test_points_of_a_scan_lie_on_the_bodies_that_were_hit(path: Path) -> None:
     points = next(open_log(path).scans()).points
     crate = points[points[:, 0] > 2.0]
     assert len(crate) >= 2
@@ -94,7 +94,7 @@ def test_a_missed_reading_is_not_a_number_where_it_was_missed(path: Path) -> Non
     assert (missed.all(axis=2) == missed.any(axis=2)).all()
 
 
-def test_readings_are_those_of_whom_one_asks_for_and_when(path: Path) -> None:
+def test_readings_are_selected_by_agent_and_time(path: Path) -> None:
     log = open_log(path)
     for read in (log.scans, log.images):
         everybody = [(each.agent, each.time) for each in read()]
@@ -107,13 +107,13 @@ def test_readings_are_those_of_whom_one_asks_for_and_when(path: Path) -> None:
             read("robott")
 
 
-def test_a_sensor_that_there_is_not_is_refused(path: Path) -> None:
+def test_an_unknown_sensor_is_refused(path: Path) -> None:
     with pytest.raises(UnknownNameError, match=r"no field .inerita.; there are applied_control, bumper") as refusal:
         open_log(path).series("robot.0", "inerita")
     assert "inertia" in refusal.value.known
 
 
-def test_where_agents_run_apart_each_part_of_the_log_has_its_own(tmp_path: Path) -> None:
+def test_each_part_of_a_distributed_run_has_readings_of_its_agents(tmp_path: Path) -> None:
     ready = simulation(teams(), **world())
     writer = LogWriter(tmp_path / "part.mcap")
     with ready.environment, writer:
@@ -166,7 +166,7 @@ def test_a_replay_shows_points_and_images(path: Path, tmp_path: Path) -> None:
     assert "/world/agents/robot/camera/eye/robot.0" in recording.entities
 
 
-def test_a_replay_has_a_curve_for_each_column_and_apart_what_differs_in_unit(path: Path, tmp_path: Path) -> None:
+def test_a_replay_has_a_curve_for_each_column_in_panels_by_unit(path: Path, tmp_path: Path) -> None:
     recording = saved(open_log(path), tmp_path)
     inertia = open_log(path).series("robot.1", "inertia").values
     for number, columns in enumerate((slice(0, 3), slice(3, 6))):
@@ -177,7 +177,7 @@ def test_a_replay_has_a_curve_for_each_column_and_apart_what_differs_in_unit(pat
     assert "/curves/agents/robot.0/measurement/bumper/1" in recording.entities
 
 
-def test_a_replay_from_the_middle_shows_no_scan_of_before(path: Path, tmp_path: Path) -> None:
+def test_a_replay_from_the_middle_shows_no_earlier_scan(path: Path, tmp_path: Path) -> None:
     log = open_log(path)
     recording = saved(log, tmp_path, start=2 * STEP)
     drawn = recording.values("/world/agents/robot/scan/scan", "Points3D:positions")

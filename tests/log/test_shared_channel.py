@@ -44,7 +44,7 @@ OBSTACLES = {
 
 
 class Watched:
-    """Notes what a world says of its entities at each instant, past the log."""
+    """Records the entities of a world at each instant, without the log."""
 
     def __init__(self, environment: ColumnEnvironment) -> None:
         self.environment = environment
@@ -136,7 +136,7 @@ def test_a_resting_entity_is_left_out(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("use", ["pymunk", "pybullet"])
-def test_a_world_is_the_same_whether_or_not_it_was_looked_at(use: str) -> None:
+def test_observing_a_world_does_not_change_it(use: str) -> None:
     kind, obstacles, _ = WORLDS[use]
     top = obstacles["ball1"].model_copy(update={"turn_rate": 9.0, "heading": 4.0})
     ends = []
@@ -213,7 +213,7 @@ def test_a_message_that_does_not_fit_its_entities_is_reported(content: bytes, tm
 
 
 @pytest.mark.parametrize("entities", ["", "{}", "[" * 100_000, "[[]]", '["one", 3]', "nonsense"])
-def test_metadata_that_name_nobody_are_no_reason_to_fail(entities: str, tmp_path: Path) -> None:
+def test_metadata_that_name_no_entity_are_accepted(entities: str, tmp_path: Path) -> None:
     metadata = {**BOTH, "entities": entities}
     log = written(tmp_path / "log.mcap", ("/world/plane", metadata, 0, wire.encode_rows([[1, 1, 1]])))
     assert isinstance(log.topics, dict)
@@ -221,7 +221,7 @@ def test_metadata_that_name_nobody_are_no_reason_to_fail(entities: str, tmp_path
         log.series("two", "world")
 
 
-def test_tables_tell_of_each_entity(tmp_path: Path) -> None:
+def test_tables_have_each_entity(tmp_path: Path) -> None:
     kind, obstacles, _ = WORLDS["pybullet"]
     log, seen = recorded(kind, obstacles, tmp_path / "log.mcap")
     export_tables(log, tmp_path / "tables", CSV)

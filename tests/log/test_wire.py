@@ -1,4 +1,4 @@
-"""What wire.py writes is what the generated classes write."""
+"""The module `wire` writes the same bytes as the generated classes."""
 
 import contextlib
 import importlib.util
@@ -31,7 +31,7 @@ def tables() -> st.SearchStrategy[Any]:
 
 
 def laid_out(array: np.ndarray, layout: str) -> NDArray[np.float64]:
-    """The same numbers, in memory in another way."""
+    """The same numbers in another memory layout."""
     match layout:
         case "big-endian":
             return array.astype(">f8")
@@ -183,7 +183,7 @@ def test_integers_are_written_as_the_numbers_they_are() -> None:
     assert wire.decode_rows(wire.encode_rows(np.array([[1, 2]]), np.array([5]))).values.tolist() == [[1.0, 2.0]]
 
 
-def test_decoding_copies_nothing() -> None:
+def test_decoding_makes_no_copies() -> None:
     decoded = wire.decode_rows(wire.encode_rows(np.ones((4, 2)), range(4)))
     assert decoded.values.base is not None
     assert not decoded.values.flags.writeable

@@ -1,4 +1,4 @@
-"""What the writer puts into the file is a sound MCAP, and what becomes of it when writing fails."""
+"""The writer writes sound MCAP files, also if writing fails."""
 
 import errno
 import json
@@ -82,14 +82,14 @@ def test_the_message_indexes_point_at_the_messages(sample: Path) -> None:
     assert len(found) == 44
 
 
-def test_the_channels_stand_outside_the_chunks(sample: Path) -> None:
+def test_channel_records_are_outside_of_chunks(sample: Path) -> None:
     with open(sample, "rb") as file:
         outside = [each for each in StreamReader(file, emit_chunks=True).records if isinstance(each, Channel)]
     assert len({channel.topic for channel in outside}) == 12
     assert outside[0].topic == "/timing"
 
 
-def test_no_chunk_is_larger_than_its_bound_but_that_of_a_single_larger_message(tmp_path: Path) -> None:
+def test_no_chunk_exceeds_its_bound_except_one_with_a_single_larger_message(tmp_path: Path) -> None:
     random = np.random.default_rng(1)
     sizes = [100, 30_000, CHUNK_SIZE - 31, CHUNK_SIZE, 5, 3 * CHUNK_SIZE, *random.integers(1, 60_000, 200).tolist()]
     with LogWriter(tmp_path / "log.mcap") as writer:
@@ -153,7 +153,7 @@ def test_added_messages_reach_the_disk_without_further_ones(tmp_path: Path) -> N
     assert [message.time for message in open_log(writer.path).messages("/state")] == [0, 1, 2]
 
 
-def test_flushing_in_the_background_loses_and_doubles_nothing(tmp_path: Path) -> None:
+def test_flushing_in_the_background_neither_loses_nor_duplicates_messages(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "log.mcap", flush_interval=0.0001) as writer:
         channel = writer.channel("/state", "Rows")
         writer.flush_in_background()
@@ -163,7 +163,7 @@ def test_flushing_in_the_background_loses_and_doubles_nothing(tmp_path: Path) ->
     assert [message.time for message in open_log(writer.path).messages("/state")] == list(range(20_000))
 
 
-def test_messages_counts_those_in_the_chunk_too(tmp_path: Path) -> None:
+def test_the_count_of_messages_includes_those_in_the_chunk(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "log.mcap") as writer:
         channel = writer.channel("/state", "Rows")
         for time in range(3):
@@ -194,7 +194,7 @@ def test_time_does_not_go_back(tmp_path: Path) -> None:
         ((1, 9, 7), TypeError),
     ],
 )
-def test_an_add_that_fails_leaves_nothing_behind(
+def test_a_message_that_fails_to_be_added_leaves_the_log_unchanged(
     tmp_path: Path, arguments: tuple[int, int, Any], error: type[KeyError | TypeError | ValueError]
 ) -> None:
     with LogWriter(tmp_path / "log.mcap") as writer:
@@ -209,7 +209,7 @@ def test_an_add_that_fails_leaves_nothing_behind(
     assert [(m.sequence, m.time, m.data) for m in log.messages()] == [(0, 1, b"one"), (1, 2, b"two")]
 
 
-def test_leaving_early_keeps_what_was_added_but_no_outcome(tmp_path: Path) -> None:
+def test_leaving_early_keeps_the_messages_but_writes_no_outcome(tmp_path: Path) -> None:
     def fail(writer: LogWriter) -> None:
         writer.add(writer.channel("/state", "Rows"), 1, b"")
         raise RuntimeError("the run")
@@ -222,7 +222,7 @@ def test_leaving_early_keeps_what_was_added_but_no_outcome(tmp_path: Path) -> No
     assert log.message_count == 1
 
 
-def test_a_closed_log_takes_nothing_more(tmp_path: Path) -> None:
+def test_a_closed_log_accepts_no_messages(tmp_path: Path) -> None:
     with LogWriter(tmp_path / "log.mcap") as writer:
         channel = writer.channel("/state", "Rows")
         writer.finish({})
@@ -248,7 +248,9 @@ def test_a_closed_log_takes_nothing_more(tmp_path: Path) -> None:
         (lambda folder: folder / ("x" * 300), "its name is too long"),
     ],
 )
-def test_a_log_that_cannot_be_created_says_why(tmp_path: Path, make: Callable[..., Any], sentence: str) -> None:
+def test_a_log_that_cannot_be_created_is_reported_with_the_reason(
+    tmp_path: Path, make: Callable[..., Any], sentence: str
+) -> None:
     (tmp_path / "file").touch()
     path = make(tmp_path)
     with pytest.raises(LogError) as caught:
@@ -257,7 +259,7 @@ def test_a_log_that_cannot_be_created_says_why(tmp_path: Path, make: Callable[..
 
 
 @pytest.mark.usefixtures("ordinary_rights")
-def test_a_log_without_permission_says_so(tmp_path: Path) -> None:
+def test_missing_permission_for_a_log_is_reported(tmp_path: Path) -> None:
     tmp_path.chmod(0o500)
     with pytest.raises(LogError, match="permission denied"):
         LogWriter(tmp_path / "log.mcap")
@@ -326,9 +328,7 @@ def test_a_limit_that_stops_even_the_beginning_is_reported(tmp_path: Path) -> No
         open_log(path)
 
 
-def test_a_device_that_fails_while_finishing_is_reported_and_hides_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_device_that_fails_while_finishing_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     writer = LogWriter(tmp_path / "log.mcap")
     writer.add(writer.channel("/state", "Rows"), 1, b"data")
     writer.flush()

@@ -156,7 +156,7 @@ def test_planners_work_without_a_map_in_a_declared_area(
 
 
 @each_planner
-def test_a_run_goes_on_from_its_captured_state(
+def test_a_run_continues_from_its_captured_state(
     use: str, building: Callable[..., Built], room: Path, planned: dict[str, Any]
 ) -> None:
     planner(planned, use)

@@ -150,7 +150,7 @@ def test_the_planner_works_without_a_map_in_a_declared_area(
     assert names(log, "robot.0") == ["path-planned", "goal-reached"]
 
 
-def test_a_run_goes_on_from_its_captured_state(
+def test_a_run_continues_from_its_captured_state(
     building: Callable[..., Built], room: Path, planned: dict[str, Any]
 ) -> None:
     building()

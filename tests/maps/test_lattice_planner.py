@@ -100,7 +100,7 @@ def test_a_goal_that_no_car_can_reach_is_reported(
     assert "exists after 0 states" in found[1].text
 
 
-def test_a_run_goes_on_from_its_captured_state(
+def test_a_run_continues_from_its_captured_state(
     building: Callable[..., Built], room: Path, yard: dict[str, Any]
 ) -> None:
     yard["faults"] = {"sent": {"at": 1.5, "inform": {"of": "robot.0", "knowledge": {"goal": [5.0, 1.0]}}}}

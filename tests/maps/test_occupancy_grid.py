@@ -46,7 +46,7 @@ def test_many_rays_through_a_cell_count_once_in_a_scan() -> None:
     assert once.min() == pytest.approx(np.log(0.4 / 0.6))
 
 
-def test_beliefs_stay_within_what_is_certain_so_that_they_can_be_revised() -> None:
+def test_beliefs_stay_within_the_greatest_certainty_so_that_they_can_be_revised() -> None:
     odds = np.zeros(96, np.float32)
     for hit, times in ((True, 100), (False, 100)):
         for _ in range(times):

@@ -12,7 +12,7 @@ def test_the_rest_of_a_path_begins_where_an_agent_is() -> None:
     assert np.allclose(lengths_left(CORNERS, np.array([3, 2]), places), [5**0.5 + 4.0, 0.75])
 
 
-def test_nothing_is_left_without_a_path() -> None:
+def test_without_a_path_the_rest_is_zero() -> None:
     assert lengths_left(CORNERS, np.array([0, 2]), np.zeros((2, 2))).tolist() == [0.0, 1.0]
     assert lengths_left(np.zeros((2, 0)), np.zeros(2, np.intp), np.zeros((2, 2))).tolist() == [0.0, 0.0]
 

@@ -105,7 +105,7 @@ def test_unknown_areas_can_be_closed(building: Callable[..., Built], room: Path,
     assert [event.name for event in found] == ["goal-unreachable", "path-planned"], "after the first scan it has one"
 
 
-def test_a_run_goes_on_from_its_captured_state(
+def test_a_run_continues_from_its_captured_state(
     building: Callable[..., Built], room: Path, exploring: dict[str, Any]
 ) -> None:
     building()

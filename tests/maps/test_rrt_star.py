@@ -52,7 +52,7 @@ def test_after_five_thousand_iterations_the_median_is_within_two_percent_of_the_
 
 
 @pytest.mark.parametrize("step", [0.4, 20.0])
-def test_paths_are_free_whatever_the_length_of_branches(step: float) -> None:
+def test_paths_are_free_for_any_length_of_branches(step: float) -> None:
     found = random_map(1, RADIUS)
     path = planned(found, 1, 800, step=step)
     assert np.isfinite(path.cost)

@@ -80,7 +80,7 @@ def test_a_field_on_a_map_keeps_from_its_walls_and_from_entities(
     [
         ({"count": 400}, "obstacles have room, and no place was found for another", "map.scatter"),
         ({"clear": 20.0}, "0 of 40 obstacles have room", "map.scatter"),
-        ({"within": None}, "without a file, it needs to be said within which bounds", "map.scatter"),
+        ({"within": None}, "without a file, the area is needed", "map.scatter"),
         ({"within": [0.0, 1.0, 1.0, 1.0]}, "the least of a coordinate is not below its greatest", "map.scatter.within"),
         ({"count": 0}, "`map.scatter.count` is 0", "map.scatter.count"),
         ({"count": 10**9}, "`map.scatter.count` is 1000000000", "map.scatter.count"),

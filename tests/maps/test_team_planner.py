@@ -196,7 +196,7 @@ def test_a_plan_that_takes_time_begins_where_the_robots_are_then(
     assert nearest(log) >= 0.5**0.5 - 1e-6
 
 
-def test_a_run_goes_on_from_its_captured_state(written: Writer, team: dict[str, Any]) -> None:
+def test_a_run_continues_from_its_captured_state(written: Writer, team: dict[str, Any]) -> None:
     team["faults"] = {"sent": {"at": 2.35, "inform": {"of": "robot.0", "knowledge": {"goal": [5.5, 3.5]}}}}
     scenario = sa.load(written(team))
     with scenario.start() as simulation:

@@ -1,4 +1,4 @@
-"""No trust that was given before, by the user or by another test."""
+"""Without trust given earlier, by the user or by another test."""
 
 from pathlib import Path
 

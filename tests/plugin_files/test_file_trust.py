@@ -59,7 +59,7 @@ def test_files_are_trusted_where_they_are_copied_together(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("content", ["", "[]", "{", '{"/": 3}', '{"/": {"mine.py": 3}}', "\0", "[" * 100_000, "null"])
-def test_a_damaged_list_trusts_nothing(tmp_path: Path, content: str) -> None:
+def test_with_a_damaged_list_no_folder_is_trusted(tmp_path: Path, content: str) -> None:
     (tmp_path / "mine.py").write_text("")
     remember(tmp_path)
     (kept_folder() / "trusted.json").write_text(content)
@@ -70,7 +70,7 @@ def test_a_damaged_list_trusts_nothing(tmp_path: Path, content: str) -> None:
 
 
 @pytest.mark.parametrize("content", ["{", "3", "[3]", '[{"folder": "/"}]', "", "null"])
-def test_what_is_handed_down_in_no_valid_form_is_not_looked_at(
+def test_invalid_data_from_the_parent_process_is_ignored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, content: str
 ) -> None:
     (tmp_path / "mine.py").write_text("")
@@ -89,7 +89,7 @@ def test_a_relative_configuration_folder_is_not_used(tmp_path: Path, monkeypatch
     assert kept_folder() == tmp_path / "user" / ".config" / "symaware"
 
 
-def test_what_cannot_be_trusted_is_told(tmp_path: Path) -> None:
+def test_folders_that_cannot_be_trusted_are_reported(tmp_path: Path) -> None:
     with pytest.raises(TrustError, match="has no Python files"):
         remember(tmp_path)
     with pytest.raises(TrustError, match="is not a folder"):
@@ -116,7 +116,7 @@ def test_links_out_of_the_folder_and_hidden_folders_are_left_out(tmp_path: Path)
     assert list(remember(home)) == ["lib/inner.py"]
 
 
-def test_the_judge_is_asked_only_of_what_is_not_trusted_yet(tmp_path: Path) -> None:
+def test_the_judge_is_called_only_for_files_that_are_not_trusted_yet(tmp_path: Path) -> None:
     (tmp_path / "mine.py").touch()
     files, asked = read_files(tmp_path, ["mine.py"]), list[FileSet]()
 

@@ -1,4 +1,4 @@
-"""A scenario in Python: `use` may be a class or a function, and the log says what of it can be repeated."""
+"""A scenario in Python: `use` may be a class or a function, and the log shows which can be repeated."""
 
 import functools
 import subprocess
@@ -65,7 +65,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (functools.partial(lambda gain, state, knowledge, time: [gain, 0.0], 1.0), None),
     ],
 )
-def test_what_computes_is_a_class_a_function_or_a_name(use: Any, name: str | None) -> None:
+def test_use_is_a_class_a_function_or_a_name(use: Any, name: str | None) -> None:
     if name is None:
         with pytest.raises(TypeError, match="has no name"):
             sa.scenario(document(use))
@@ -113,7 +113,7 @@ def test_a_class_in_a_file_of_the_folder_is_repeated_from_the_log_alone(folder: 
 
 
 @pytest.mark.parametrize("use", ["steer", "lambda state, knowledge, time: [1, 0]", "Steer"])
-def test_what_only_the_program_has_runs_and_is_not_repeated_without_it(folder: Path, use: str) -> None:
+def test_a_class_of_the_program_alone_runs_and_is_not_repeated_without_it(folder: Path, use: str) -> None:
     program = f"""\
 import sys
 sys.path[:0] = {[str(Path(__file__).parent), str(Path(__file__).parent.parent)]!r}
@@ -178,7 +178,7 @@ def test_a_value_that_no_file_could_have_is_refused(value: Any) -> None:
         sa.scenario(document(home, description=value))
 
 
-def test_a_function_that_takes_other_arguments_is_told_when_it_is_decorated() -> None:
+def test_a_function_with_other_arguments_is_refused_by_the_decorator() -> None:
     with pytest.raises(TypeError, match=r"`wrong` takes \(state, knowledge, time\)"):
 
         @sa.controller  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""What is executed are the bytes that were hashed, and only if somebody trusts them."""
+"""The hashed bytes are the executed ones, and only if they are trusted."""
 
 import importlib
 import json
@@ -14,7 +14,7 @@ from symaware_cli.plugin_files.loading import load_files
 from symaware_cli.world import PythonChild, read
 
 
-def test_nothing_is_loaded_that_nobody_trusts(tmp_path: Path) -> None:
+def test_untrusted_files_are_not_loaded(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text("raise SystemExit")
     with pytest.raises(PluginFileError) as caught:
         load_files(read_files(tmp_path, ["mine.py"]))
@@ -92,7 +92,7 @@ def _tell(requests, answers):  # type: ignore[no-untyped-def]
     write(answers, json.dumps(told).encode())
 
 
-def test_nothing_but_digests_is_handed_down(tmp_path: Path) -> None:
+def test_only_digests_are_passed_to_child_processes(tmp_path: Path) -> None:
     (tmp_path / "mine.py").write_text("secret = 1")
     for number in range(40):
         (tmp_path / f"mine{number}.py").write_text("")

@@ -1,4 +1,4 @@
-"""A file beside a scenario: executed only with the person's trust, and then known to everything that runs it."""
+"""A file beside a scenario: executed only if trusted, and then available wherever the scenario runs."""
 
 import hashlib
 import json
@@ -32,11 +32,11 @@ def verb(home: Path) -> Verb:
     return run
 
 
-def test_an_untrusted_file_is_refused_at_its_place_with_what_to_do(home: Path, verb: Verb) -> None:
+def test_an_untrusted_file_is_refused_at_its_place_with_the_remedy(home: Path, verb: Verb) -> None:
     written(home)
     done = verb("run", "own.yaml")
     assert done.exit_code == 2
-    assert "own.yaml:3:11: `mine.py` is code, and nobody has said that it is trusted" in done.stderr
+    assert "own.yaml:3:11: `mine.py` is code, and it is not trusted" in done.stderr
     assert "symaware trust ." in done.stderr
     assert "--trust" in done.stderr
     assert "1 problem in" in done.stderr, "the names that it would define are no problem of their own"
@@ -88,9 +88,7 @@ def test_a_folder_is_trusted_once_and_no_longer_after_an_edit(home: Path, comman
         ),
     ],
 )
-def test_a_file_that_cannot_be_used_is_told_once_with_its_line(
-    home: Path, verb: Verb, controller: str, told: str
-) -> None:
+def test_an_unusable_file_is_reported_once_with_its_line(home: Path, verb: Verb, controller: str, told: str) -> None:
     written(home, controller)
     done = verb("validate", "own.yaml", "--trust")
     assert done.exit_code == 2
@@ -107,7 +105,7 @@ def test_a_file_does_not_shadow_an_installed_family(home: Path, verb: Verb) -> N
     assert "`control` is the family of installed plugins" in done.stderr
 
 
-def test_a_name_of_a_file_that_is_not_listed_is_told(home: Path, verb: Verb) -> None:
+def test_a_name_of_an_unlisted_file_is_reported(home: Path, verb: Verb) -> None:
     written(home, scenario=SCENARIO.replace("plugins: [mine.py]\n", ""))
     done = verb("validate", "own.yaml")
     assert done.exit_code == 2
@@ -189,7 +187,7 @@ def test_a_run_that_fails_in_a_file_is_repeated_with_its_traceback(home: Path, v
     assert verified.exit_code == 0, verified.output
 
 
-def test_workers_sweeps_branches_and_states_know_them(home: Path, verb: Verb) -> None:
+def test_workers_sweeps_branches_and_states_have_the_plugins(home: Path, verb: Verb) -> None:
     written(home)
     assert verb("trust", ".").exit_code == 0
     process = ["--set", "agents.robot.components.steer.run_in=process"]
@@ -321,17 +319,17 @@ def test_every_verb_is_tried() -> None:
     [*VERBS.items(), *FURTHER],
     ids=lambda each: each if isinstance(each, str) else "-".join(each)[:40],
 )
-def test_no_verb_executes_code_that_nobody_trusts(
+def test_no_verb_executes_untrusted_code(
     hostile: Path, verb: Verb, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, name: str, words: list[str]
 ) -> None:
     monkeypatch.chdir(hostile)
     words = [str(tmp_path / each) if each.startswith("out") else each for each in words]
     done = verb(name, *words)
     assert not (hostile / "executed").exists()
-    assert done.exit_code == 0 or name == "merge" or "nobody has said that it is trusted" in done.output, done.output
+    assert done.exit_code == 0 or name == "merge" or "is code, and it is not trusted" in done.output, done.output
 
 
-def test_no_function_executes_code_that_nobody_trusts(hostile: Path, tmp_path: Path) -> None:
+def test_no_function_executes_untrusted_code(hostile: Path, tmp_path: Path) -> None:
     assert symaware_cli.open_log(hostile / "own.mcap").series("robot.1", "state").values.size
     functions: list[Callable[[], object]] = [
         lambda: symaware_cli.load(hostile / "own.yaml"),
@@ -344,12 +342,12 @@ def test_no_function_executes_code_that_nobody_trusts(hostile: Path, tmp_path: P
         lambda: symaware_cli.falsify(hostile / "own.yaml", "near", over={"run.duration": "0.1..0.5 by 0.1"}),
     ]
     for function in functions:
-        with pytest.raises(symaware_cli.ScenarioError, match="nobody has said that it is trusted"):
+        with pytest.raises(symaware_cli.ScenarioError, match="is code, and it is not trusted"):
             function()
         assert not (hostile / "executed").exists()
 
 
-def test_nothing_in_the_folder_grants_trust(hostile: Path, verb: Verb, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_file_in_the_folder_grants_trust(hostile: Path, verb: Verb, monkeypatch: pytest.MonkeyPatch) -> None:
     """Not even a list of trusted folders, at any place where one might be looked for."""
     monkeypatch.chdir(hostile)
     kept = hostile / "configuration" / "symaware" / "trusted.json"
@@ -363,7 +361,7 @@ def test_nothing_in_the_folder_grants_trust(hostile: Path, verb: Verb, monkeypat
 
 
 def test_the_option_is_where_one_scenario_is_run_or_repeated() -> None:
-    """For sweeps, which take long and are resumed, a folder is trusted."""
+    """A folder is trusted for sweeps, which take long and are resumed."""
     options = {
         name for name, each in all_commands().items() if any("--trust" in parameter.opts for parameter in each.params)
     }

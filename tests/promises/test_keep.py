@@ -52,7 +52,7 @@ def test_a_promise_is_kept_by_every_model_and_nothing_changes_before_it_would_be
     assert found[first:, 0].min() > -0.25, "it stays at the edge"
 
 
-def test_an_agent_slides_along_the_edge_and_its_velocity_is_what_it_does() -> None:
+def test_an_agent_slides_along_the_edge_with_the_velocity_of_its_motion() -> None:
     without, found = moved(drives()), moved(drives(faults={"k": KEEP}))
     assert np.allclose(found[:, 1], without[:, 1], atol=1e-5), "what leads along the edge stays"
     with_inertia = moved(drives("inertia", {"k": KEEP}))

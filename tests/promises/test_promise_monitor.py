@@ -135,7 +135,7 @@ def test_risk_is_evaluated_only_where_promised_regions_meet(region: str, evaluat
     assert (risk(content) >= 0.0) is evaluated
 
 
-def test_without_its_own_promise_an_agent_may_meet_anybody() -> None:
+def test_without_its_own_promise_an_agent_may_meet_any_other() -> None:
     content = promising()
     content["agents"]["bob"]["components"]["risk"]["condition"] = "may_meet(adam, bob)"
     assert risk(content) >= 0.0
@@ -172,7 +172,7 @@ def test_a_run_repeats_to_the_byte_with_any_order_of_the_file(tmp_path: Path) ->
     assert set(digests[0].differences(digests[2])) == texts
 
 
-def test_a_run_says_which_results_hold_if_promises_are_kept(tmp_path: Path) -> None:
+def test_a_run_reports_the_results_that_hold_if_promises_are_kept(tmp_path: Path) -> None:
     content = promising(confidence=0.97)
     bob = content["agents"]["bob"]["components"]
     bob["clear"] = {"use": "risk.map", "with": {"within": [-1.0, 3.0, -1.0, 1.0], "promises": "if-kept"}}
@@ -190,7 +190,7 @@ def test_a_run_says_which_results_hold_if_promises_are_kept(tmp_path: Path) -> N
     )
 
 
-def test_every_component_with_a_choice_about_promises_says_how_it_relies_on_them() -> None:
+def test_every_component_with_a_choice_about_promises_reports_how_it_relies_on_them() -> None:
     catalogue = Catalogue()
     found: dict[str, str] = {}
     for listing in catalogue.listings("component"):

@@ -1,4 +1,4 @@
-"""Promises that are told: known from the arrival of a message on, which may be late or lost."""
+"""Promises that are sent: known from the arrival of a message on, which may be late or lost."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from symaware_cli.log.digest import digest
 
 
 def telling(channel: dict[str, Any] | None = None, period: float | None = None, **given: Any) -> dict[str, Any]:
-    """Return the scenario in which Adam tells Bob what he promises."""
+    """Return the scenario in which Adam sends his promise to Bob."""
     content = promising(**given)
     tell: dict[str, Any] = {"use": "promises.tell"}
     content["agents"]["adam"]["components"]["tell"] = tell | ({} if period is None else {"period": period})
@@ -48,7 +48,7 @@ def test_a_risk_relies_on_a_promise_from_its_arrival_on(tmp_path: Path) -> None:
     assert risk.values[risk.times >= 500_000_000, 0].max() == pytest.approx(0.01)
 
 
-def test_without_a_message_nothing_is_relied_on_and_nothing_is_broken() -> None:
+def test_without_a_message_no_promise_is_relied_on_or_broken() -> None:
     content = telling({"loss": 1.0}, speed=2.0)
     content["agents"]["bob"]["components"]["risk"]["condition"] = "may_meet(adam, bob) and kept(adam) == 1"
     found: list[Any] = []
@@ -103,8 +103,8 @@ def test_a_run_continues_from_a_capture_between_sending_and_arrival(tmp_path: Pa
     assert sa.verify_log(logs[0]).is_equal
 
 
-def test_a_sender_with_nothing_to_tell_is_pointed_out() -> None:
+def test_a_sender_without_promises_is_reported() -> None:
     content = promising()
     content["agents"]["bob"]["components"]["tell"] = {"use": "promises.tell"}
     warnings = [each.message for each in sa.scenario(content).validate().warnings]
-    assert any("these agents promise nothing to anybody" in each for each in warnings)
+    assert any("these agents make no promises" in each for each in warnings)

@@ -30,7 +30,7 @@ def test_a_promise_of_one_agent_of_several_concerns_its_position_only() -> None:
     [
         ({"of": "adm"}, "promises.stay.of", "there is no agent or group `adm`"),
         ({"to": ["bob", "eve"]}, "promises.stay.to[1]", "there is no agent or group `eve`"),
-        ({"to": "adam"}, "promises.stay.to", "an agent promises this to nobody but itself"),
+        ({"to": "adam"}, "promises.stay.to", "an agent makes this promise only to itself"),
         ({"formula": "always inside(position, rad)"}, "promises.stay.formula", "there is no `rad` here"),
         ({"formula": "eventually inside(position, red)"}, "promises.stay.formula", "a promise is to stay in a region"),
         ({"formula": "always[0, 5] inside(position, red)"}, "promises.stay.formula", "to stay in a region"),

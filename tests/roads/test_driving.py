@@ -51,7 +51,7 @@ def test_behind_a_leader_of_constant_speed_the_gap_becomes_that_of_the_model(
     assert wanted == pytest.approx(equilibrium_gap(speed, 30.0, Driver(3.0, 1.2, 1.5, 2.0, 9.0)))
 
 
-def test_at_the_equilibrium_gap_nobody_accelerates() -> None:
+def test_at_the_equilibrium_gap_cars_do_not_accelerate() -> None:
     driver, speed = Driver(2.0, 1.5, 1.0, 2.0, 9.0), np.array([5.0, 20.0])
     gaps = np.array([equilibrium_gap(each, 30.0, driver) for each in speed.tolist()])
     np.testing.assert_allclose(idm_acceleration(speed, np.full(2, 30.0), gaps, speed, driver), 0.0, atol=1e-12)
@@ -83,7 +83,7 @@ def test_a_slow_car_is_overtaken_and_no_car_changes_without_need(drive: Drive) -
     assert states(log, "car")[-1, 0, 1] == pytest.approx(4.0, abs=0.1)
 
 
-def test_nobody_changes_beside_or_closely_before_another(drive: Drive) -> None:
+def test_no_car_changes_lanes_beside_or_closely_ahead_of_another(drive: Drive) -> None:
     fast = group([0, 0, 0], {"use": "control.lane-change"}, knowledge={"initial_speed": 10.0})
     beside = group(
         [[k * 12.0 - 60.0, 4.0, 0.0] for k in range(12)], {"use": "control.lane-keeping", "with": {"speed": 10.0}}

@@ -101,7 +101,7 @@ def test_lanes_and_centres_are_named_by_their_kind_in_formulas_definitions_and_c
         ('line("west")', "there is no function `line`", "lane"),
     ],
 )
-def test_an_unknown_lane_is_reported_where_it_stands(road: Road, region: str, said: str, nearest: str | None) -> None:
+def test_an_unknown_lane_is_reported_at_its_place(road: Road, region: str, said: str, nearest: str | None) -> None:
     more = {"specifications": {"keeps": {"formula": f"always inside(position, {region})", "each": "car"}}}
     with pytest.raises(ScenarioError) as refused:
         road({"lanes": CROSS, "centre": 0.4}, more=more, car=group([0, 0, 0], KEEPING))

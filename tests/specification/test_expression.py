@@ -152,8 +152,8 @@ def test_invalid_expressions_are_reported_at_their_place(text: str, problem: str
     [
         ("1 / 0 > 1", "division by zero"),
         ("9 ** 9 ** 9 ** 9", "overflow encountered in power"),
-        ("position > 1", "there are 2 values of each; say all(...) or any(...)"),
-        ("not flags", "there are 2 values of each; say all(...) or any(...)"),
+        ("position > 1", "there are 2 values of each; use all(...) or any(...)"),
+        ("not flags", "there are 2 values of each; use all(...) or any(...)"),
         ("name + 1 > 0", "a text is not a number"),
         ("name * 9e18", "a text is not a number"),
         ("name[0] == 1", "a text has no element 0"),

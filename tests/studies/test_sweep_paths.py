@@ -111,7 +111,7 @@ def test_a_repeated_run_that_differs_is_not_drawn(tmp_path: Path) -> None:
     symaware("sweep", tiny(tmp_path), "-o", folder, "--runs", 3, "-j", 0, "-q")
     with closing(sqlite3.connect(folder / "journal.sqlite")) as journal, journal:
         journal.execute("""UPDATE runs SET digest = 'another' WHERE "index" = 1""")
-    with pytest.raises(SweepError, match=r"run 1 of .* came out otherwise when it was made again"):
+    with pytest.raises(SweepError, match=r"run 1 of .* had another result when it was repeated"):
         gathered(SweepFolder.opened(folder))
 
 

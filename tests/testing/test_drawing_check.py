@@ -130,7 +130,7 @@ BROKEN: dict[type[Drawing], tuple[str, ...]] = {
     Counting: ("Counting.marks", "other marks when the same log is drawn again"),
     Failing: ("Failing.marks (test_drawing_check.py, line", "branches on an array"),
     Orphan: ("Orphan.__init__ (", "does not call the inherited method"),
-    Wordless: ("Wordless.legend (", "yields 'lines'", "what is seen, and what it means"),
+    Wordless: ("Wordless.legend (", "yields 'lines'", "the marks, and their meaning"),
     Topicless: ("Topicless.topics (", "names 'state'"),
     Printing: ("Printing (", "has outputs that are not a set of replay"),
 }

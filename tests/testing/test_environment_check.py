@@ -140,7 +140,7 @@ class Partial(Environment):
 
 BROKEN: dict[type[Environment], tuple[str, ...]] = {
     Drawing: ("Drawing.step (test_environment_check.py, line", "the global generator of NumPy", "generator(seed, path"),
-    Timed: ("Timed.step (test_environment_check.py, line", "reads the clock on the wall (`time.monotonic`)"),
+    Timed: ("Timed.step (test_environment_check.py, line", "reads the wall clock (`time.monotonic`)"),
     Careless: ("Careless.state (", "array"),
     Open: ("Open.state (", "returns an array that callers can change", "array.flags.writeable = False"),
     Unlimited: ("Unlimited.applied_input (", "beyond the limits of the model"),

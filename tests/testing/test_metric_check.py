@@ -159,7 +159,7 @@ BROKEN: dict[type[Metric], tuple[str, ...]] = {
     Versioned: ("Versioned.version (", "is '1.0'"),
     Steering: ("Steering.look (", "changes the run", "only read the world"),
     Emptying: ("Emptying.value (", "and 0.0 at once afterwards"),
-    Timed: ("Timed.begin (", "reads the clock on the wall (`time.time`)"),
+    Timed: ("Timed.begin (", "reads the wall clock (`time.time`)"),
     Counting: ("Counting.value (", "in a second run", "depend on the run only"),
     Failing: ("Failing.look (", "branches on an array", "np.where"),
     Listening: ("Listening.subscribe", "lets the run fail", "nothing to note"),

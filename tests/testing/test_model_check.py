@@ -239,7 +239,7 @@ BROKEN: dict[type[Model], tuple[str, ...]] = {
     Overwriting: ("Overwriting.derivative (", "changes the states that it was given", "compute new arrays"),
     Remembering: ("Remembering.derivative (", "changes self.calls", "a model holds parameters and no state"),
     Noisy: ("Noisy.derivative (", "the global generator of NumPy"),
-    Late: ("Late.derivative (", "reads the clock on the wall (`time.time`)"),
+    Late: ("Late.derivative (", "reads the wall clock (`time.time`)"),
     WrongJacobian: ("WrongJacobian.jacobian (", "for the rate of `y` by `heading`, and finite differences give"),
     WrongVelocity: ("WrongVelocity.velocity (", "along axis 0, and the derivative of the position is"),
     WrongTurnRate: ("WrongTurnRate.turn_rate (", "and the heading's derivative is"),

@@ -59,7 +59,7 @@ def test_equal_runs_are_nowhere_apart(logs: Path, tmp_path: Path) -> None:
 
 
 def test_a_figure_needs_two_logs_with_agents_in_common(logs: Path, tmp_path: Path) -> None:
-    with pytest.raises(LogError, match="a figure of a difference is one of two logs"):
+    with pytest.raises(LogError, match="a figure of differences needs two logs"):
         compare(HELLO, logs / "one.mcap", tmp_path / "none.svg")
     with pytest.raises(LogError, match="have no agent in common"):
         compare(logs / "one.mcap", logs / "others.mcap", tmp_path / "none.svg")

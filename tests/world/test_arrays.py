@@ -1,4 +1,4 @@
-"""Columns and series hold real numbers: what is none is refused, wherever it is written, and nothing is bent."""
+"""Columns and series hold real numbers: others are refused everywhere, without conversion."""
 
 from collections.abc import Callable
 from decimal import Decimal

@@ -1,4 +1,4 @@
-"""Chance is keyed by what it is for: seed, purpose, turn, who draws and about whom, and by nothing else."""
+"""Random draws are keyed only by seed, purpose, turn, the drawing agent and the other agent."""
 
 import itertools
 import pickle
@@ -51,7 +51,7 @@ GOLDEN = {
     "agent": [0.8759945342357607, 0.8832666205343175],
     "single": 0.6076727726443355,
 }
-"""First drawn with version 0.2.0; whoever changes them makes every seed in the world mean something else."""
+"""First drawn with version 0.2.0; a change alters the meaning of every seed."""
 
 
 def long(words: tuple[int, ...]) -> list[int]:
@@ -71,7 +71,7 @@ def golden() -> dict[str, float | list[Any]]:
 
 @pytest.mark.parametrize("many", [1, 3, 5000])
 @pytest.mark.parametrize(("counter", "key", "expected"), KNOWN)
-def test_philox_is_that_of_its_authors(
+def test_philox_equals_the_published_test_vectors(
     counter: tuple[int, int, int, int], key: tuple[int, int], expected: tuple[int, int, int, int], many: int
 ) -> None:
     first, second = (np.full(many, number, np.uint64) for number in long(counter))
@@ -101,7 +101,7 @@ def test_another_process_with_other_hashes_draws_the_same() -> None:
     assert drawn[0].strip() == f"{group.uniform(2).tolist()} {AgentChance(7, 'a').at(Turn(5)).random()}"
 
 
-def test_nothing_touches_the_global_state() -> None:
+def test_the_global_random_state_is_not_touched() -> None:
     before = untyped(np.random.get_state())[1].tolist()  # noqa: NPY002 (the state that must not be touched)
     AgentChance(7, "a").at(Turn(0)).random(100)
     GroupChance(7, "a", NUMBERS).at(Turn(0)).standard_normal(3)
@@ -144,7 +144,7 @@ def assert_unrelated(drawn: NDArray[np.float64], variance: float) -> None:
             assert abs((one * other).mean()) / scale < 5 / np.sqrt(one.size)
 
 
-def test_neighbouring_keys_and_counters_have_nothing_in_common() -> None:
+def test_draws_of_neighbouring_keys_and_counters_are_independent() -> None:
     counters = np.arange(2000, dtype=np.uint64)
     nothing = np.zeros_like(counters)
     words = [np.concatenate(philox(counters, nothing, key)) for key in range(8)]
@@ -206,7 +206,7 @@ def draw(group: GroupChance, plan: Sequence[tuple[str, int, str]]) -> list[NDArr
 
 
 @given(rows, rows, plans, st.permutations(range(12)))
-def test_other_agents_of_the_group_and_their_order_change_nothing(
+def test_draws_do_not_depend_on_other_agents_and_their_order(
     few: int, more: int, plan: list[tuple[str, int, str]], order: list[int]
 ) -> None:
     small, large = (GroupChance(7, "component sense", NUMBERS[:count]).at(Turn(3)) for count in (few, few + more))
@@ -218,7 +218,7 @@ def test_other_agents_of_the_group_and_their_order_change_nothing(
 
 
 @given(plans, plans)
-def test_draws_of_one_turn_change_nothing_in_the_next(
+def test_draws_of_a_turn_do_not_affect_the_next(
     before: list[tuple[str, int, str]], plan: list[tuple[str, int, str]]
 ) -> None:
     idle, busy = (GroupChance(7, "component sense", NUMBERS[:3]) for _ in range(2))

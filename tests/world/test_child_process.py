@@ -1,4 +1,4 @@
-"""A process that is started to compute something has this one's surroundings, and ends with it, however that comes."""
+"""A child process has this one's environment, and ends with it for any reason."""
 
 import os
 import signal
@@ -32,7 +32,7 @@ time.sleep(60)
 
 
 def echo(requests: BinaryIO, answers: BinaryIO) -> None:
-    """Answer each request with what surrounds this process."""
+    """Answer each request with the environment of this process."""
     while True:
         try:
             said = read(requests)

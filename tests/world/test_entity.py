@@ -1,4 +1,4 @@
-"""Where obstacles are, and what is said of those that cannot be."""
+"""The positions of obstacles, and refusals of invalid ones."""
 
 from pathlib import Path
 
@@ -20,7 +20,7 @@ def test_a_wall_is_scenery_and_no_agent() -> None:
         Entity(shape=wall)
 
 
-def test_an_obstacle_stands_somewhere_or_moves() -> None:
+def test_an_obstacle_has_a_position_or_a_path() -> None:
     assert Obstacle(shape=DISC, position=(1, 2, 3), heading=0.5).pose(9.0) == ((1, 2, 3), 0.5, (0, 0, 0), 0.0)
     with pytest.raises(ValidationError, match="it needs a position"):
         Obstacle(shape=DISC)

@@ -1,4 +1,4 @@
-"""Models: what becomes of an agent depends on its own row, bit for bit, however many rows there are."""
+"""Models: the result for an agent depends on its own row only, to the bit, for any number of rows."""
 
 from collections.abc import Callable, Iterator
 from importlib import metadata
@@ -87,7 +87,7 @@ def test_a_rows_result_depends_neither_on_how_many_rows_there_are_nor_on_memory_
 
 
 @pytest.mark.parametrize("kind", MODELS, ids=lambda kind: kind.__name__)
-def test_a_model_changes_nothing_it_is_given(kind: type[NoisyModel]) -> None:
+def test_a_model_does_not_change_its_arguments(kind: type[NoisyModel]) -> None:
     model = kind()
     state = np.full((3, len(model.state)), 0.3)
     control_input = np.full((3, len(model.control_input)), 99.0)
@@ -143,7 +143,7 @@ def test_a_velocity_that_is_too_long_keeps_its_direction() -> None:
     assert SingleIntegrator().limit(np.array([[300.0, 400.0]])).tolist() == [[300.0, 400.0]]
 
 
-def test_a_unicycle_told_a_velocity_turns_the_short_way_and_does_not_roll_away_from_it() -> None:
+def test_a_unicycle_that_follows_a_velocity_turns_the_short_way_and_does_not_drive_away_from_it() -> None:
     state = np.array([[0.0, 0.0, 3.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
     velocity = np.array([[np.cos(-3.0), np.sin(-3.0)], [-1.0, 0.0], [0.0, 0.0]])
     followed = Unicycle().follow_velocity(state, velocity)
@@ -153,6 +153,6 @@ def test_a_unicycle_told_a_velocity_turns_the_short_way_and_does_not_roll_away_f
 
 
 @pytest.mark.parametrize("step", [0.0, -0.1, 1e-7, float("nan"), float("inf"), 1e7])
-def test_no_environment_takes_a_time_step_that_is_none(step: float) -> None:
+def test_an_environment_refuses_an_invalid_time_step(step: float) -> None:
     with pytest.raises(ValueError, match="time_step"):
         EnvironmentParameters(time_step=step)

@@ -68,7 +68,7 @@ def test_without_a_deviation_all_values_are_the_mean() -> None:
     assert of(exponential=0.0, constant=1.0).values(POINTS[:3]) == [1.0] * 3
 
 
-def test_options_are_chosen_as_often_as_their_weights_say() -> None:
+def test_options_are_drawn_in_proportion_to_their_weights() -> None:
     options = ["wide", None, {"range": 3.0}]
     chosen = of(choice=options, weights=[1, 0, 3]).values(POINTS)
     assert None not in chosen
@@ -121,9 +121,9 @@ def test_numbers_for_each_element_are_drawn_beside_each_other() -> None:
         ({"choice": [1, 2], "weights": [-1, 2]}, "at least 0"),
         ({"choice": [1, 2], "constant": 1}, "other forms"),
         ({"uniform": (0, 1), "weights": [1]}, "weights go with `choice`"),
-        ({"uniform": (0, 1), "least": 0}, "`least` goes with"),
-        ({"normal": (0, 1), "greatest": -40}, "`greatest` leaves hardly anything"),
-        ({"normal": (0, 1), "least": 2, "greatest": 1}, "`least` leaves hardly anything"),
+        ({"uniform": (0, 1), "least": 0}, "`least` is for distributions"),
+        ({"normal": (0, 1), "greatest": -40}, "`greatest` excludes nearly all"),
+        ({"normal": (0, 1), "least": 2, "greatest": 1}, "`least` excludes nearly all"),
     ],
 )
 def test_invalid_distributions_are_refused(content: dict[str, Any], problem: str) -> None:

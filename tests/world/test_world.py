@@ -1,4 +1,4 @@
-"""Who is who, and where everybody is."""
+"""Rosters and snapshots: the indices and states of agents."""
 
 import numpy as np
 import pytest
@@ -19,12 +19,12 @@ def test_the_roster_does_not_depend_on_the_order_of_the_groups() -> None:
     assert len(one) == 3
 
 
-def test_eleven_agents_stand_in_the_order_of_their_index_not_of_their_names() -> None:
+def test_eleven_agents_are_ordered_by_index_and_not_by_name() -> None:
     ids = [f"robot.{row}" for row in range(11)]
     assert Roster({"robot": ids}).ids == tuple(ids)
 
 
-def test_the_roster_tells_where_an_agent_stands() -> None:
+def test_the_roster_finds_the_group_and_row_of_an_agent() -> None:
     roster = Roster(MEMBERS)
     assert roster.place("robot.1") == (1, 1)
     assert "car" in roster

@@ -1,4 +1,4 @@
-"""The engine of the spatial world, and what it prints."""
+"""The engine of the spatial world, and its output."""
 
 import subprocess
 import sys
@@ -11,7 +11,7 @@ from symaware_cli.worlds.bullet import engine, quiet
 
 
 @pytest.mark.parametrize("closed", [">&-", "2>&-", ">&- 2>&-"])
-def test_the_engine_can_be_had_where_there_is_nothing_to_print_on(closed: str) -> None:
+def test_the_engine_works_without_standard_streams(closed: str) -> None:
     program = "import sys; from symaware_cli.worlds.bullet import Client; Client(False).close(); sys.exit(7)"
     line = ["sh", "-c", f'exec "$@" {closed}', "sh", sys.executable, "-P", "-c", program]
     assert subprocess.run(line, capture_output=True, timeout=60, check=False).returncode == 7

@@ -1,4 +1,4 @@
-"""Who touches whom in physics worlds, from when, how hard, and with which speed they part."""
+"""Contacts in physics worlds: their times, impulses and the speeds of separation."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -40,7 +40,7 @@ def world(
     return environment
 
 
-def test_a_contact_tracker_adds_up_how_hard_until_bodies_part_or_the_time_step_ends() -> None:
+def test_a_contact_tracker_adds_up_impulses_until_bodies_part_or_the_time_step_ends() -> None:
     tracker = ContactTracker(["a", "b", "c"], 0)
     tracker.begin((0, 1), (0.0, 0.0), 0.1)
     tracker.begin((0, 2), (0.0, 0.0), 0.1)
@@ -74,10 +74,10 @@ def test_bodies_in_one_place_at_the_start_are_reported_at_once(
 @pytest.mark.parametrize("turned", [0.0, 0.5])
 @pytest.mark.parametrize("elasticity", [0.0, 0.5])
 @pytest.mark.parametrize("substeps", [1, 10])
-def test_the_impulse_of_who_lands_is_the_change_of_its_momentum(
+def test_the_impulse_of_a_landing_body_is_the_change_of_its_momentum(
     kind: type[PhysicsEnvironment], elasticity: float, substeps: int, turned: float
 ) -> None:
-    """Against a floor, with what the weight adds until the time step ends."""
+    """Against a floor, with the impulse of the weight until the time step ends."""
     height = 0.25 if turned == 0.0 else 0.36
     obstacles = {
         "crate": Obstacle(
@@ -106,7 +106,7 @@ def test_the_impulse_of_who_lands_is_the_change_of_its_momentum(
 @pytest.mark.parametrize("shape", [BALL, CRATE, SLAB, CAN], ids=["ball", "crate", "prism", "can"])
 @pytest.mark.parametrize("elasticity", [1.0, 0.5, 0.0])
 @pytest.mark.parametrize("speed", [0.5, 7.0])
-def test_two_bodies_part_as_their_elasticity_says(
+def test_two_bodies_part_according_to_their_elasticity(
     kind: type[PhysicsEnvironment], shape: dict[str, Any], elasticity: float, speed: float
 ) -> None:
     """Newton's law of restitution, with default settings, for 1 and 2 kg; momentum is kept in any case."""

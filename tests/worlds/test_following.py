@@ -1,4 +1,4 @@
-"""A world that follows what was shared of another one is like it, for whoever asks."""
+"""A world that follows another one equals it in all queries."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -47,7 +47,7 @@ def test_states_inputs_velocities_and_contacts_are_the_same(both: tuple[Environm
     assert follower.contacts() == tuple(world.contacts())
 
 
-def test_entities_are_where_they_are_there(both: tuple[Environment, Environment]) -> None:
+def test_entities_have_the_poses_of_the_other_process(both: tuple[Environment, Environment]) -> None:
     world, follower = both
     for name in world.obstacles:
         assert follower.pose(name) == world.pose(name)
@@ -65,7 +65,7 @@ def test_rays_meet_the_same_bodies(both: tuple[Environment, Environment]) -> Non
     assert np.isfinite(there).any()
 
 
-def test_joints_stand_as_they_do_there(both: tuple[Environment, Environment]) -> None:
+def test_joints_have_the_positions_of_the_other_process(both: tuple[Environment, Environment]) -> None:
     world, follower = both
     for name in world.articulations():
         there = world.joint_positions(name)

@@ -1,4 +1,4 @@
-"""The ground of the spatial world: who stands on it, who is in it, and how bodies land and slide on it."""
+"""The ground of the spatial world: bodies stand, land and slide on it, or begin in it."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -143,7 +143,7 @@ def test_a_stack_of_four_stands() -> None:
     assert places == pytest.approx(np.array([[0, 0, 0.25 + 0.5 * row] for row in range(4)]), abs=3e-3)
 
 
-def test_a_camera_sees_the_same_ground_whoever_stands_on_it() -> None:
+def test_the_image_of_the_ground_does_not_depend_on_bodies_on_it() -> None:
     def seen(mass: float | None) -> Image:
         with world({"cube": Obstacle(shape=CUBE, position=[0, 0], mass=mass)}) as environment:
             return environment.camera_image((-2.0, -2.0, 1.5), (0.5, 0.0, 0.2), (64, 48), 1.0)
@@ -153,7 +153,7 @@ def test_a_camera_sees_the_same_ground_whoever_stands_on_it() -> None:
     np.testing.assert_array_equal(fixed.segments, free.segments)
 
 
-def test_there_is_no_image_of_what_reaches_too_far() -> None:
+def test_images_of_bodies_too_far_away_are_refused() -> None:
     """The renderer would not end."""
     wall = Obstacle(shape={"wall": {"points": [[-1e9, 2.0], [0.0, -3.0]]}}, position=[0, 0])
     with (
@@ -174,7 +174,7 @@ def test_boxes_far_from_the_origin_stand_on_the_ground_too() -> None:
 
 
 @pytest.mark.parametrize("who", ["group", "entity"])
-def test_nobody_else_is_called_ground(who: str) -> None:
+def test_no_other_body_may_have_the_name_ground(who: str) -> None:
     groups, obstacles = [], {}
     if who == "group":
         groups = [AgentGroup("ground", ["ground"], SingleIntegrator(), Entity(), [[0.0, 0.0]])]
@@ -188,7 +188,7 @@ def test_nobody_else_is_called_ground(who: str) -> None:
 
 
 @pytest.mark.parametrize("pace", [0.05, 0.2, 1.0, 5.0])
-def test_balls_on_the_ground_lose_no_more_of_a_bounce_than_it_takes_for_stacks_to_rest(pace: float) -> None:
+def test_balls_on_the_ground_lose_no_more_of_a_bounce_than_stacks_need_to_rest(pace: float) -> None:
     """1e-5 m in a physics step, or a hundredth."""
     for share in (0.0, 1e-3, 0.1, 0.5):
         gap = 0.1 + (8 + share) * pace * 0.005

@@ -1,4 +1,4 @@
-"""Joints of URDF files in the spatial world: free as the file says, on a fixed base or on one that moves."""
+"""Joints of URDF files in the spatial world move as in the file, on a fixed or a moving base."""
 
 import math
 from collections.abc import Callable
@@ -73,7 +73,7 @@ def positions(environment: PyBulletEnvironment, duration: float, name: str = "it
 def integrated(
     acceleration: Callable[..., float], start: tuple[float, float], duration: float, parts: int = 100_000
 ) -> NDArray[np.float64]:
-    """The angle over time by the classical Runge-Kutta method: what no physics engine has a part in."""
+    """The angle over time by the classical Runge-Kutta method, without a physics engine."""
     step, (angle, rate), found = duration / parts, start, []
     for _ in range(parts):
         one = rate, acceleration(angle, rate)
@@ -89,7 +89,7 @@ def integrated(
 @pytest.mark.parametrize("mass", [None, 1.0], ids=["fixed base", "free base"])
 @pytest.mark.parametrize("inertia", [1e-3, 0.7])
 @pytest.mark.parametrize(("damping", "friction"), [(0, 0), (0.4, 0), (0, 0.3)])
-def test_a_pendulum_swings_as_newton_has_it(
+def test_a_pendulum_swings_according_to_newtons_laws(
     mass: float | None, inertia: float, damping: float, friction: float, tmp_path: Path
 ) -> None:
     length, start = 1.0, 0.5
@@ -152,7 +152,7 @@ def test_links_of_a_robot_with_a_fixed_base_touch_others_and_the_ground(tmp_path
         assert np.ptp(positions(environment, 2.0)) == pytest.approx(3.0, abs=0.05)
 
 
-def test_the_joints_of_who_is_led_are_held(tmp_path: Path) -> None:
+def test_the_joints_of_a_body_on_a_path_are_held(tmp_path: Path) -> None:
     mechanism(tmp_path, link("bob", 1.0, -1.0), joint("hinge", "continuous", "base", "bob", "0 0 3", "0 -0.5 0"))
     shape = {"urdf": {"file": "mechanism.urdf", "radius": 2.0}}
     environment = PyBulletEnvironment(PyBulletEnvironment.Parameters(time_step=0.01))
@@ -170,14 +170,17 @@ def test_the_joints_of_who_is_led_are_held(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("parts", "said"),
     [
-        ([link("bob", 0.0), joint("hinge", "continuous", "base", "bob")], "no mass to what its joint `hinge` moves"),
+        (
+            [link("bob", 0.0), joint("hinge", "continuous", "base", "bob")],
+            "no mass to the link that its joint `hinge` moves",
+        ),
         (
             [
                 *(link(name, 0.0) for name in ("arm", "bob")),
                 joint("hinge", "continuous", "base", "arm"),
                 joint("weld", "fixed", "arm", "bob"),
             ],
-            "no mass to what its joint `hinge` moves",
+            "no mass to the link that its joint `hinge` moves",
         ),
         *(
             ([link("bob", 1.0), joint("socket", kind, "base", "bob")], f"mechanism.urdf:1:.* `socket` is `{kind}`")

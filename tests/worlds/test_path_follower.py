@@ -1,4 +1,4 @@
-"""What has a path in physics worlds: it is where its path is, pushes, and no jump throws anything."""
+"""Bodies with a path in physics worlds follow it and push others, but not when the path jumps."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -41,8 +41,8 @@ def ball(x: float, y: float, **more: Any) -> Obstacle:
     return Obstacle(shape=BALL, position=[x, y], mass=1.0, friction=0.0, **more)
 
 
-def test_a_path_that_begins_anew_elsewhere_throws_nothing(kind: type[PhysicsEnvironment]) -> None:
-    """Balls touch a bus where it starts and where it ends: that it goes back there in no time is no motion."""
+def test_a_path_that_jumps_to_its_start_pushes_no_body(kind: type[PhysicsEnvironment]) -> None:
+    """Balls touch a bus at its start and its end: its jump back in no time is no motion."""
     # Neither ends with a physics step.
     path = {"times": [0, 0.5, 0.999], "positions": [[0, 0], [0, 5], [5, 5]], "repeat": True}
     turning = {"times": [0, 0.999], "positions": [[0, 9], [0, 9]], "headings": [0, 2 * np.pi], "repeat": True}
@@ -61,7 +61,7 @@ def test_a_path_that_begins_anew_elsewhere_throws_nothing(kind: type[PhysicsEnvi
         assert environment.pose("bus").position[:2] == pytest.approx((0.0, 2.52))
 
 
-def test_a_path_that_closes_pushes_evenly_where_it_begins_anew(kind: type[PhysicsEnvironment]) -> None:
+def test_a_closed_path_pushes_evenly_at_its_start(kind: type[PhysicsEnvironment]) -> None:
     path = {"times": [0, 1, 2], "positions": [[0, 0], [1, 0], [0, 0]], "repeat": True}
     with world(kind, {"cart": Obstacle(shape=CRATE, path=path), "ball": ball(1.2, 0.0)}) as environment:
         run(environment, 1.0)
@@ -70,7 +70,7 @@ def test_a_path_that_closes_pushes_evenly_where_it_begins_anew(kind: type[Physic
         assert environment.pose("cart").position[:2] == pytest.approx((0.0, 0.0))
 
 
-def test_a_wall_with_a_path_sweeps_away_what_is_in_its_way(kind: type[PhysicsEnvironment]) -> None:
+def test_a_wall_with_a_path_sweeps_away_bodies(kind: type[PhysicsEnvironment]) -> None:
     path = {"times": [0, 2], "positions": [[0, 0], [2, 0]]}
     obstacles = {"wall": Obstacle(shape=ELL, path=path), "ball": ball(1.5, 0.5), "beside": ball(1.5, 1.4)}
     with world(kind, obstacles) as environment:
@@ -112,7 +112,7 @@ def test_a_body_on_a_path_without_heights_stands_on_the_ground() -> None:
         assert environment.body_positions(["cart"])[0] == pytest.approx([0.5, 0.0, 3.25])
 
 
-def test_a_file_with_its_mass_beside_its_origin_is_led_by_its_origin() -> None:
+def test_a_file_with_an_offset_centre_of_mass_is_moved_by_its_origin() -> None:
     path = {"times": [0, 1], "positions": [[0, 0, 2], [1, 0, 2]]}
     teddy = Obstacle(shape={"urdf": {"file": "pybullet_data/lego/lego.urdf", "radius": 0.1}}, path=path)
     with world(PyBulletEnvironment, {"teddy": teddy}) as environment:

@@ -1,4 +1,4 @@
-"""Physics worlds: what holds for both engines, against closed forms and against the kinematic world."""
+"""Physics worlds: both engines against closed forms and the kinematic world."""
 
 import gc
 from collections.abc import Mapping, Sequence
@@ -61,7 +61,7 @@ def world(
     seed: int = 1,
     **parameters: Any,
 ) -> ColumnEnvironment:
-    """A world of weightless bodies, unless the parameters say otherwise, with somebody far away if nobody else."""
+    """A world of weightless bodies by default, with a distant agent if there is no other."""
     if kind is PyBulletEnvironment:
         parameters = {"gravity": (0, 0, 0), "ground": None, "recovery": 0.0} | parameters
     environment = made(kind, **{"time_step": 0.02, "substeps": 4, **parameters})
@@ -77,7 +77,7 @@ def speed(environment: ColumnEnvironment, name: str) -> float:
 
 
 @pytest.mark.parametrize("use", KINDS)
-def test_where_nobody_meets_anybody_the_world_hardly_matters(use: str, tmp_path: Path) -> None:
+def test_without_contacts_worlds_hardly_differ(use: str, tmp_path: Path) -> None:
     def motion(world: str) -> dict[str, NDArray[np.float64]]:
         log = tmp_path / f"{world}.mcap"
         summary = execute(build(SCENARIOS / "three-worlds.yaml", [f"environment.use={world}"]), log)
@@ -120,7 +120,7 @@ def test_a_body_goes_where_its_model_goes(
     found.close()
 
 
-def test_everybody_starts_exactly_where_the_file_says(kind: type[PhysicsEnvironment]) -> None:
+def test_agents_start_exactly_in_the_states_of_the_file(kind: type[PhysicsEnvironment]) -> None:
     robots = group(Unicycle(), [[1.1, -2.3, 0.7], [-4.9, 0.3, -2.1]], shape=CRATE)
     obstacles = {
         "free": Obstacle(shape=CRATE, position=[3.3, 7.7], heading=0.9, mass=1.0, velocity=[0.1, 0.2], turn_rate=0.3),
@@ -170,7 +170,7 @@ def test_process_noise_moves_bodies_through_their_velocity(kind: type[PhysicsEnv
 
 
 @pytest.mark.parametrize(("elasticity", "masses"), [(1.0, (1, 1)), (1.0, (1, 3)), (0.5, (2, 1)), (0.0, (1, 1))])
-def test_a_collision_keeps_momentum_and_what_elasticity_leaves_of_the_energy(
+def test_a_collision_conserves_momentum_and_the_elastic_share_of_the_energy(
     kind: type[PhysicsEnvironment], elasticity: float, masses: tuple[int, int]
 ) -> None:
     """Newton's law of restitution; R. C. Hibbeler, Engineering Mechanics: Dynamics, section 15.4."""
@@ -196,7 +196,7 @@ def test_a_collision_keeps_momentum_and_what_elasticity_leaves_of_the_energy(
 
 @pytest.mark.parametrize("shape", [{"circle": {"radius": 0.2}}, CRATE], ids=["balls", "boxes"])
 @pytest.mark.parametrize("elasticity", [0.5, 0.9, 1.0])
-def test_a_bounce_loses_what_its_elasticity_says_at_any_speed(
+def test_a_bounce_loses_speed_by_its_elasticity_at_any_speed(
     kind: type[PhysicsEnvironment], elasticity: float, shape: dict[str, Any]
 ) -> None:
     for pace in (0.005, 0.01, 0.03, 0.1, 0.5, 2.0, 8.0, 20.0):
@@ -266,7 +266,7 @@ def test_a_crowd_keeps_its_momentum_and_its_energy(kind: type[PhysicsEnvironment
     assert after[1] == pytest.approx(energy, rel=0.01)
 
 
-def test_a_glancing_collision_without_friction_keeps_what_goes_along_it(kind: type[PhysicsEnvironment]) -> None:
+def test_a_glancing_collision_without_friction_keeps_the_tangential_velocity(kind: type[PhysicsEnvironment]) -> None:
     # The centres are 45 degrees apart when they meet: the one goes on along the tangent, the other along the normal.
     offset = 0.2 * np.sqrt(0.5)
     obstacles = {
@@ -296,7 +296,7 @@ def test_damping_takes_its_part_of_the_velocity_each_second(kind: type[PhysicsEn
         assert speed(environment, "puck") == pytest.approx(3.0 * 0.6**2, rel=1e-6)
 
 
-def test_neither_gravity_nor_damping_diverts_who_follows_a_model(kind: type[PhysicsEnvironment]) -> None:
+def test_neither_gravity_nor_damping_diverts_a_body_that_follows_a_model(kind: type[PhysicsEnvironment]) -> None:
     robot = group(SingleIntegrator(), [0.0, 0.0])
     gravity = (3.0, -10.0) if kind is PymunkEnvironment else (3.0, 0.0, -10.0)
     with world(kind, [robot], gravity=gravity, damping=0.5) as environment:
@@ -394,7 +394,7 @@ def test_every_shape_is_agent_free_entity_or_scenery_alike(
         assert environment.state(robot)[0, 0] < 0.75  # nobody goes through
 
 
-def test_a_wall_keeps_everybody_in(kind: type[PhysicsEnvironment]) -> None:
+def test_a_wall_keeps_all_bodies_in(kind: type[PhysicsEnvironment]) -> None:
     yard = {"wall": {"points": [[-1, -1], [1, -1], [1, 1], [-1, 1], [-1, -1]], "thickness": 0.1}}
     robots = group(SingleIntegrator(), [[0.0, 0.0], [0.5, 0.0], [0.0, 0.5], [0.5, 0.5]])
     with world(kind, [robots], {"yard": Obstacle(shape=yard)}) as environment:
@@ -435,7 +435,7 @@ def test_bodies_that_overlap_at_the_start_are_reported_and_separated(kind: type[
     assert len(begun) == len({(each.first, each.second) for each in begun})
 
 
-def test_the_scenery_follows_what_moves(kind: type[PhysicsEnvironment]) -> None:
+def test_the_scenery_follows_moving_bodies(kind: type[PhysicsEnvironment]) -> None:
     obstacles = {"ball": ball(0.0, 1.0), "rock": Obstacle(shape=BALL, position=[5.0, 0.0])}
     with world(kind, obstacles=obstacles) as environment:
         before = environment.scenery
@@ -481,7 +481,7 @@ def crowded(kind: type[PhysicsEnvironment], path: Path, seed: int = 3) -> Digest
     return digest(open_log(path))
 
 
-def test_a_run_repeats_itself_byte_for_byte_whoever_lived_before(
+def test_a_run_repeats_byte_for_byte_after_other_worlds_in_the_process(
     kind: type[PhysicsEnvironment], tmp_path: Path
 ) -> None:
     first = crowded(kind, tmp_path / "first.mcap")
@@ -495,7 +495,7 @@ def test_a_run_repeats_itself_byte_for_byte_whoever_lived_before(
     assert first.combined == between.combined == after.combined
 
 
-def test_contacts_and_what_is_free_are_in_the_log(kind: type[PhysicsEnvironment], tmp_path: Path) -> None:
+def test_contacts_and_free_bodies_are_in_the_log(kind: type[PhysicsEnvironment], tmp_path: Path) -> None:
     crowded(kind, tmp_path / "log.mcap")
     log = open_log(tmp_path / "log.mcap")
     assert log.manifest["entities"]["ball0"]["moves"] is True
@@ -525,7 +525,7 @@ def test_worlds_leave_neither_memory_nor_clients_behind(kind: type[PhysicsEnviro
     assert pybullet_clients() <= before
 
 
-def test_a_world_that_nobody_closed_closes_when_it_is_forgotten() -> None:
+def test_an_unclosed_world_is_closed_when_it_is_garbage_collected() -> None:
     gc.collect()
     before = pybullet_clients()
     environment = world(PyBulletEnvironment)
@@ -562,7 +562,7 @@ def test_a_model_with_more_than_a_body_has_is_refused(kind: type[PhysicsEnvironm
     assert caught.value.path == ("agents", "robot", "model")
 
 
-def test_a_plane_has_no_place_for_who_moves_in_space() -> None:
+def test_a_planar_world_refuses_models_that_move_in_space() -> None:
     with pytest.raises(WorldError, match="cannot move in a plane"):
         world(PymunkEnvironment, [group(made(SingleIntegrator, dimensions=3), [0, 0, 0])])
 

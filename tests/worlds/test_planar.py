@@ -1,4 +1,4 @@
-"""The planar world: what Pymunk alone has, joints above all."""
+"""The planar world: features of Pymunk alone, above all joints."""
 
 import sys
 from collections.abc import Mapping, Sequence
@@ -88,7 +88,7 @@ def test_an_agent_pulls_a_trailer() -> None:
         assert environment.pose("trailer").position == pytest.approx((1.5, 0.0), abs=0.02)
 
 
-def test_a_motor_turns_what_a_hinge_holds() -> None:
+def test_a_motor_turns_a_hinged_body() -> None:
     joints = {
         "hinge": {"kind": "pivot", "between": ["wheel", None], "anchors": [[0, 0], [1, 1]]},
         "motor": {"kind": "motor", "between": ["wheel", None], "rate": 3.0},
@@ -114,7 +114,7 @@ def test_a_joint_that_makes_no_sense_is_refused(joint: dict[str, Any], said: str
         Joint(**joint)
 
 
-def test_a_joint_between_what_is_not_there_or_never_moves_is_refused() -> None:
+def test_a_joint_between_missing_or_immovable_bodies_is_refused() -> None:
     with pytest.raises(WorldError, match="refers to `ghost`") as caught:
         world({"a": ball(0.0)}, {"rod": {"kind": "pin", "between": ["a", "ghost"]}})
     assert caught.value.path[:4] == ("environment", "with", "joints", "rod")
@@ -122,7 +122,7 @@ def test_a_joint_between_what_is_not_there_or_never_moves_is_refused() -> None:
         world({"a": ball(0.0, mass=None)}, {"rod": {"kind": "pin", "between": ["a", None]}})
 
 
-def test_the_kinematic_world_refuses_what_only_forces_move() -> None:
+def test_the_kinematic_world_refuses_bodies_that_only_forces_move() -> None:
     group = AgentGroup("robot", ["robot"], SingleIntegrator(), Entity(), [[0.0, 0.0]])
     with pytest.raises(WorldError, match="give it a path") as caught:
         KinematicEnvironment().initialise([group], {"ball": ball(1.0, velocity=[1.0, 0.0])}, 1)
@@ -154,7 +154,7 @@ def test_a_stack_holds() -> None:
     assert heights == pytest.approx([0.2, 0.6, 1.0, 1.4], abs=0.01)
 
 
-def test_a_closed_world_lets_go_of_its_space() -> None:
+def test_a_closed_world_releases_its_space() -> None:
     environment = world({"a": ball(0.0)})
     space = environment._space
     environment.close()
@@ -163,7 +163,9 @@ def test_a_closed_world_lets_go_of_its_space() -> None:
     assert isinstance(space, pymunk.Space)
 
 
-def test_without_pymunk_a_scenario_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_pymunk_the_error_names_the_command_to_install_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scenario = {
         "symaware": 1,
         "name": "plane",

@@ -50,7 +50,7 @@ def touching(environment: PhysicsEnvironment) -> set[tuple[str, str]]:
     ],
     ids=["single", "double", "unicycle"],
 )
-def test_the_state_changes_by_what_is_said_and_nobody_elses(
+def test_only_the_given_states_change_by_the_given_amount(
     kind: type[PhysicsEnvironment], model: NoisyModel, change: list[float]
 ) -> None:
     states = np.zeros((3, len(model.state)))

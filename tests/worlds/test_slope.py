@@ -36,7 +36,7 @@ def world(
 def slope(
     angle: float, heading: float, friction: float, what: Mapping[str, Any], **how: Any
 ) -> tuple[dict[str, Obstacle], NDArray[np.float64]]:
-    """A ramp that goes down ahead, and something that lies on the middle of it; and the way down."""
+    """A ramp that descends ahead, a body on the middle of it, and the direction downwards."""
     orientation = attitude(0.0, angle, heading)
     up, down = rotated(orientation, [0.0, 0.0, 1.0]), rotated(orientation, [1.0, 0.0, 0.0])
     above = 0.25 if what is BALL else 0.1
@@ -49,7 +49,7 @@ def slope(
 @pytest.mark.parametrize("heading", [0.0, 0.9, -2.4])
 @pytest.mark.parametrize("friction", [0.0, 0.2, 0.5])
 @pytest.mark.parametrize("angle", [0.1, 0.3, 0.5])
-def test_a_crate_slides_down_a_slope_as_coulomb_has_it(angle: float, friction: float, heading: float) -> None:
+def test_a_crate_slides_down_a_slope_by_coulombs_law(angle: float, friction: float, heading: float) -> None:
     """g (sin a - mu cos a) where tan a > mu, and else not at all; Hibbeler, Statics, section 8.2."""
     obstacles, down = slope(angle, heading, friction, CRATE)
     expected = max(0.0, GRAVITY * (math.sin(angle) - friction * math.cos(angle)))
@@ -66,7 +66,7 @@ def test_a_crate_slides_down_a_slope_as_coulomb_has_it(angle: float, friction: f
 
 
 @pytest.mark.parametrize("friction", [0.36, 0.37, 0.39, 0.40])
-def test_the_angle_of_repose_is_where_the_coefficient_of_friction_has_it(friction: float) -> None:
+def test_the_angle_of_repose_follows_from_the_coefficient_of_friction(friction: float) -> None:
     angle = math.atan(0.38)
     obstacles, down = slope(angle, 0.0, friction, CRATE)
     with world(obstacles) as environment:
@@ -114,7 +114,7 @@ def test_a_body_on_a_path_keeps_its_tilt() -> None:
 
 @pytest.mark.parametrize("description", [CRATE, RAMP, {"cylinder": {"radius": 0.5, "height": 2.0}}])
 @pytest.mark.parametrize(("roll", "pitch"), [(0.3, 0.0), (0.0, -1.2), (0.7, 0.4), (0.0, math.pi / 2), (math.pi, 0.0)])
-def test_a_footprint_holds_the_body_and_hardly_more(description: dict[str, Any], roll: float, pitch: float) -> None:
+def test_a_footprint_contains_the_body_tightly(description: dict[str, Any], roll: float, pitch: float) -> None:
     shape = Shape(**description)
     ((outline, _),) = footprint(shape, roll, pitch).pieces
     corners = np.array(outline)
@@ -141,7 +141,7 @@ def test_the_scenery_has_footprints() -> None:
 
 
 @pytest.mark.parametrize("kind", [KinematicEnvironment, PymunkEnvironment])
-def test_a_world_without_a_third_dimension_refuses_what_is_tilted(kind: type[ColumnEnvironment]) -> None:
+def test_a_planar_world_refuses_tilted_bodies(kind: type[ColumnEnvironment]) -> None:
     obstacles = {
         "one": Obstacle(shape=CRATE, position=[0, 0], roll=0.1),
         "other": Obstacle(shape=CRATE, position=[5, 0], pitch=0.1),

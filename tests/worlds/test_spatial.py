@@ -1,4 +1,4 @@
-"""The spatial world: what PyBullet alone has, such as ground, height, meshes and URDF files."""
+"""The spatial world: features of PyBullet alone, such as ground, height, meshes and URDF files."""
 
 import os
 import subprocess
@@ -116,7 +116,7 @@ def test_an_agent_in_space_is_carried_and_lands_on_bodies_below(kind: type[Noisy
         assert (contacts[0].first, contacts[0].second) == ("drone", "ground")
 
 
-def test_a_box_that_tips_over_tells_how_it_is_turned() -> None:
+def test_a_box_that_tips_over_has_its_orientation_in_the_log() -> None:
     plank = {"box": {"length": 0.1, "width": 0.4, "height": 1.0}}
     obstacles = {
         "plank": Obstacle(shape=plank, position=[0, 0, 0.5], mass=1.0),
@@ -182,7 +182,7 @@ def test_files_of_pybullet_data_can_be_used() -> None:
         assert -0.01 < height(environment, "duck") < 0.2
 
 
-def test_a_body_with_its_mass_beside_its_origin_starts_where_the_file_says() -> None:
+def test_a_body_with_an_offset_centre_of_mass_starts_at_the_pose_of_the_file() -> None:
     teddy = Obstacle(
         shape={"urdf": {"file": "pybullet_data/lego/lego.urdf", "radius": 0.1}}, position=[1, 2, 3], mass=1
     )
@@ -338,7 +338,7 @@ def test_a_scenario_with_a_missing_mesh_is_refused_where_it_is_named(tmp_path: P
     assert "there is no file `tent.obj`" in problem.message
 
 
-def test_nothing_of_the_engine_reaches_the_terminal(tmp_path: Path) -> None:
+def test_no_output_of_the_engine_reaches_the_terminal(tmp_path: Path) -> None:
     (tmp_path / "tent.obj").write_text(MESH)
     (tmp_path / "tent.yaml").write_text(yaml.safe_dump(SCENARIO))
     line = [sys.executable, "-P", "-m", "symaware_cli", "run", "tent.yaml", "--quiet"]
@@ -346,7 +346,9 @@ def test_nothing_of_the_engine_reaches_the_terminal(tmp_path: Path) -> None:
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
-def test_without_pybullet_a_scenario_says_what_to_install(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_pybullet_the_error_names_the_command_to_install_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "tent.yaml").write_text(yaml.safe_dump(SCENARIO))
     for name in ("symaware_cli.worlds.spatial", "symaware_cli.worlds.bullet"):
         monkeypatch.delitem(sys.modules, name, raising=False)

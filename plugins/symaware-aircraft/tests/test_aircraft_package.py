@@ -25,7 +25,7 @@ def test_only_the_public_api_is_used() -> None:
             assert used <= {"symaware_cli", "symaware_cli.planning.optimal_control"}, f"{file.name}: {used}"
 
 
-def test_the_list_and_the_schema_of_editors_know_the_components(command: Command) -> None:
+def test_the_list_and_the_schema_of_editors_have_the_components(command: Command) -> None:
     listed = json.loads(command("list", "components", "--json").stdout)
     assert {entry["name"] for entry in listed if entry["package"] == "symaware-aircraft"} == NAMES
     schema = json.loads(command("schema").stdout)

@@ -48,7 +48,7 @@ def test_the_intruder_of_the_case_study_flies_an_lsr() -> None:
     assert path.length == pytest.approx(810.3556, abs=1e-4)
 
 
-def test_the_recorded_sampling_of_that_path_is_what_the_published_runs_flew() -> None:
+def test_the_recorded_sampling_of_that_path_is_that_of_the_published_runs() -> None:
     rates = shortest_path((-120, 90, 0), (600, 450, 0), 10 / 0.07).turn_rates(10.0, 1.0, "recorded")
     expected = [0.07] * 7 + [0.24 * 0.07] + [0.0] * 66 + [-0.07] * 8
     np.testing.assert_allclose(rates, expected, atol=1e-15)
@@ -136,6 +136,6 @@ def test_beyond_the_end_it_goes_straight_on() -> None:
     np.testing.assert_allclose(path.poses([100.0]), [[100, 0, 0]], atol=1e-12)
 
 
-def test_a_radius_that_is_none_is_refused() -> None:
+def test_an_invalid_radius_is_refused() -> None:
     with pytest.raises(ValueError, match="radius"):
         shortest_path((0, 0, 0), (1, 1, 1), 0.0)

@@ -77,7 +77,7 @@ def test_plans_that_lead_too_close_are_reported_as_errors(fly: Fly, x: float, ro
 
 @pytest.mark.slow
 @pytest.mark.parametrize("start", [(5.0, 170.0, -1.5707963), (30.0, 230.0, -1.5707963)])
-def test_who_starts_too_near_or_is_followed_comes_too_close_and_says_so(
+def test_an_agent_that_starts_too_near_or_is_followed_reports_that_it_is_too_close(
     fly: Fly, start: tuple[float, float, float]
 ) -> None:
     """The intruder turns towards it all the time, which is more than the scenario tree assumes."""

@@ -25,7 +25,7 @@ def predicted(flight: Flight, scenario: int) -> dict[int, NDArray[np.float64]]:
     return found
 
 
-def test_a_waypoint_that_is_told_is_known_in_the_next_step(fly: Fly) -> None:
+def test_a_sent_waypoint_is_known_in_the_next_step(fly: Fly) -> None:
     flight = fly("intent-avoidance.yaml")
     intents = predicted(flight, 27)
     # Before it is told, straight flight is assumed; then the prediction is what will come true.
@@ -34,7 +34,7 @@ def test_a_waypoint_that_is_told_is_known_in_the_next_step(fly: Fly) -> None:
         np.testing.assert_allclose(intents[k], flight.intruder[k : k + 31, :2], atol=1e-9)
 
 
-def test_what_was_told_becomes_knowledge_that_is_recorded(fly: Fly) -> None:
+def test_received_waypoints_become_recorded_knowledge(fly: Fly) -> None:
     flight = fly("intent-avoidance.yaml")
     messages = list(flight.log.messages("/agents/ownship/knowledge"))
     assert messages[-1].time == 10**9
@@ -56,7 +56,7 @@ def test_without_intent_everybody_is_thought_to_fly_straight_on(fly: Fly) -> Non
         np.testing.assert_allclose(intents[k], straight, atol=1e-9)
 
 
-def test_the_waypoint_is_told_again_now_and_then(fly: Fly) -> None:
+def test_the_waypoint_is_sent_again_periodically(fly: Fly) -> None:
     told = [each.time // 10**9 for each in fly("intent-avoidance.yaml").log.communications() if each.stage == "SENT"]
     assert told == list(range(0, 82, 10))
 
@@ -77,7 +77,7 @@ def test_a_waypoint_to_fly_to_must_be_a_pose(command: Command, scenarios: Path) 
     assert done.stderr.count("`waypoint` must be x [m], y [m] and heading [rad]") == 2
 
 
-def test_someone_of_whom_only_the_motion_is_perceived_is_taken_to_head_where_it_goes(
+def test_an_agent_with_only_a_perceived_motion_is_assumed_to_head_along_its_velocity(
     tmp_path: Path, command: Command, scenarios: Path
 ) -> None:
     done = command(

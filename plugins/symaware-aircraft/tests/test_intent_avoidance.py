@@ -72,7 +72,7 @@ def test_without_the_separation_they_all_but_meet(fly: Fly) -> None:
     assert separation.argmin() == 40
 
 
-def test_who_knows_that_the_intruder_turns_need_not_deviate(fly: Fly) -> None:
+def test_an_agent_that_knows_that_the_intruder_turns_does_not_deviate(fly: Fly) -> None:
     knowing, assuming = fly("with-intent.yaml"), fly("without-intent.yaml")
     assert np.abs(knowing.own[:, 0]).max() < 0.01
     assert knowing.separation.min() >= SEPARATION
@@ -93,9 +93,7 @@ def test_who_knows_that_the_intruder_turns_need_not_deviate(fly: Fly) -> None:
     ],
     ids=" ".join,
 )
-def test_who_meets_somebody_head_on_finds_a_way_around_from_one_of_its_guesses(
-    fly: Fly, overrides: Sequence[str]
-) -> None:
+def test_a_head_on_encounter_is_solved_from_one_of_the_guesses(fly: Fly, overrides: Sequence[str]) -> None:
     flight = fly("without-intent.yaml", *overrides)
     assert flight.separation.min() >= SEPARATION
     assert flight.events("fell-back") == flight.events("too-close") == []

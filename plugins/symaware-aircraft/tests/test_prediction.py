@@ -23,7 +23,7 @@ def test_an_intent_gives_back_what_it_was_rolled_out_from(turn_rates: list[float
     np.testing.assert_allclose(found, turn_rates, atol=1e-12)
 
 
-def test_what_is_past_does_not_count_and_behind_the_end_it_goes_straight_on() -> None:
+def test_past_poses_do_not_count_and_beyond_the_end_the_motion_is_straight() -> None:
     poses = rollout((0, 0, 0), 10.0, [[0.01, 0.02, 0.03]], 1.0)[0]
     told = AwarenessVector("other", poses[0], TimeSeries.sampled(np.arange(4) * SECOND, poses))
     pose, speeds, turn_rates = course(told, SECOND, 4, 1.0)
@@ -33,7 +33,7 @@ def test_what_is_past_does_not_count_and_behind_the_end_it_goes_straight_on() ->
 
 
 @pytest.mark.parametrize("state", [(1.0, 2.0, 3.0), (1.0, 2.0), (1.0, 2.0, 0.1, 0.2, 5.0)])
-def test_who_has_no_intent_stays_where_it_is(state: tuple[float, ...]) -> None:
+def test_an_agent_without_an_intent_is_assumed_to_stay_in_place(state: tuple[float, ...]) -> None:
     pose, speeds, turn_rates = course(AwarenessVector("other", state), 0, 3, 1.0)
     assert pose.tolist() == [1.0, 2.0, 0.0]
     assert not speeds.any()

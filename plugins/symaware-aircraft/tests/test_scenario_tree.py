@@ -14,7 +14,7 @@ intents = st.lists(st.floats(-LIMIT, LIMIT), min_size=6, max_size=6)
 
 
 @given(intents)
-def test_every_sequence_of_branches_is_there_once_and_then_the_intent_goes_on(intended: list[float]) -> None:
+def test_every_sequence_of_branches_occurs_once_and_is_followed_by_the_intent(intended: list[float]) -> None:
     rates = ScenarioTree(6, 3, LIMIT, "paper").turn_rates(intended)
     assert rates.shape == (27, 6)
     branches = [(LIMIT, -LIMIT, intended[k]) for k in range(3)]
@@ -71,7 +71,7 @@ def test_a_rollout_is_step_by_step_the_model_of_the_case_study(
         x, y, heading = x + step * 10 * np.cos(heading), y + step * 10 * np.sin(heading), heading + step * rate
 
 
-def test_the_nominal_intruder_ends_where_the_case_study_says() -> None:
+def test_the_nominal_intruder_ends_at_the_pose_of_the_case_study() -> None:
     rates = [0.07] * 7 + [0.24 * 0.07] + [0.0] * 66 + [-0.07] * 8
     end = rollout((-120, 90, 0), 10.0, [rates], 1.0)[0, -1]
     np.testing.assert_allclose(end, (609.9, 449.9, -0.05), atol=0.06)

@@ -67,11 +67,11 @@ def test_the_risk_is_the_share_of_scenarios_within_the_margin(fly: Fly) -> None:
     assert max(shares.values()) > 0.5
 
 
-def test_who_does_not_avoid_still_knows_the_risk(fly: Fly) -> None:
+def test_an_agent_that_does_not_avoid_others_still_estimates_the_risk(fly: Fly) -> None:
     assert series(fly("no-avoidance.yaml"), "risk")[38] == [[1.0]]
 
 
-def test_a_budget_that_is_too_small_falls_back_to_the_shifted_plan_and_says_so(fly: Fly) -> None:
+def test_a_budget_that_is_too_small_falls_back_to_the_shifted_plan_with_an_event(fly: Fly) -> None:
     flight = fly("intent-avoidance.yaml", f"{CONTROLLER}.iterations=12", "run.duration=20")
     fallen = {event.time // 10**9: event for event in flight.events("fell-back")}
     assert 0 in fallen
@@ -113,7 +113,7 @@ def test_steps_nearer_than_the_separation_are_events_and_the_summary_counts_them
     assert f"{len(close)} too-close" in printed
 
 
-def test_who_need_not_keep_clear_is_never_too_close(fly: Fly) -> None:
+def test_an_agent_that_need_not_keep_clear_is_never_too_close(fly: Fly) -> None:
     flight = fly("no-avoidance.yaml")
     assert flight.separation.min() < 44.0
     assert flight.events("too-close") == []
@@ -152,7 +152,7 @@ def test_on_a_virtual_clock_and_at_a_pace_it_flies_the_same(fly: Fly) -> None:
         ([f"{CONTROLLER}.third_branch=fourth"], "paper"),
     ],
 )
-def test_what_it_cannot_work_with_is_refused_before_the_run(
+def test_unsuitable_models_and_knowledge_are_refused_before_the_run(
     overrides: Sequence[str], said: str, command: Command, scenarios: Path
 ) -> None:
     done = command("validate", scenarios / AVOIDANCE, *(word for override in overrides for word in ("--set", override)))

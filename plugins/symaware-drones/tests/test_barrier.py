@@ -53,7 +53,7 @@ def test_a_barrier_is_a_smooth_minimum_with_its_derivatives(activation: str, x: 
         assert (later.value - earlier.value) / 2e-6 == pytest.approx(found.rate, abs=1e-6)
 
 
-def test_nothing_is_in_force_after_the_last_task() -> None:
+def test_no_barrier_is_in_force_after_the_last_task() -> None:
     barrier = Barrier(Schedule(TASKS, {"a": (0.0, 0.0)}).tasks[("a",)], ETA)
     assert barrier.sample(7 * SECOND + 1, 0.0, 0.0) is None
     assert set(barrier.values(7 * SECOND, 0.0, 0.0)) == {"two"}

@@ -28,6 +28,6 @@ def test_only_the_public_api_is_used() -> None:
             assert used <= PUBLIC, f"{file.name}: {used}"
 
 
-def test_the_list_knows_the_components() -> None:
+def test_the_list_has_the_components() -> None:
     listed = json.loads(command("list", "components", "--json").stdout)
     assert {entry["name"] for entry in listed if entry["package"] == "symaware-drones"} == NAMES

@@ -1,4 +1,4 @@
-"""Five drones do what the scenario asks; the monitors say so, and barriers agree with them."""
+"""Five drones satisfy the tasks of the scenario, by its monitors; barriers agree with these."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TIMES = {
 
 
 def robustness(log: Log) -> dict[str, float]:
-    """The least robustness of each specification, as the monitors found it."""
+    """The least robustness of each specification, from the monitors."""
     return {each.name: each.robustness for each in log.outcomes if each.robustness is not None}
 
 
@@ -95,7 +95,7 @@ def check_agreement(log: Log) -> int:
 
 
 def greatest_speed(log: Log) -> float:
-    """The greatest norm of the inputs that the controllers asked for [m/s]."""
+    """The greatest norm of the requested inputs [m/s]."""
     agents = ("hub", *(f"drone.{number}" for number in range(4)))
     return max(float(np.hypot(*log.series(agent, "requested_control").values.T).max()) for agent in agents)
 
@@ -109,7 +109,7 @@ def test_the_first_tasks_hold_in_both_modes_and_barriers_agree_with_predicates(s
     assert greatest_speed(log) <= 3.0 + 1e-9
 
 
-def test_every_drone_knows_who_leads() -> None:
+def test_every_drone_knows_the_leaders() -> None:
     said = [event.text for event in fly("five-drones.yaml", FIRST).events() if event.name == "decided"]
     assert said == ["follows drone.0, drone.1, drone.2, drone.3", *["leads hub"] * 4]
 
@@ -124,10 +124,10 @@ def test_every_drone_knows_who_leads() -> None:
         ("agents.hub.state=[0, -20]", "`point-1` of hub cannot be met"),
         ("regions.area_2.polygon.centre=[2, 6]", None),
         ("specifications.point-2.formula=always[0, 3] inside(position, area_2) or time > 3", "is no task"),
-        ("regions.slot_1_1.turns=true", "the region `slot_1_1` turns with hub; say `turns: false`"),
+        ("regions.slot_1_1.turns=true", "the region `slot_1_1` turns with hub; set `turns: false`"),
     ],
 )
-def test_what_cannot_be_met_is_said_before_the_run(override: str, said: str | None) -> None:
+def test_impossible_tasks_are_reported_before_the_run(override: str, said: str | None) -> None:
     done = command("validate", SCENARIOS / "five-drones.yaml", "--set", override)
     if said is None:
         assert done.returncode == 0, done.stderr
@@ -136,7 +136,7 @@ def test_what_cannot_be_met_is_said_before_the_run(override: str, said: str | No
         assert said in done.stderr
 
 
-def test_without_a_link_the_common_task_fails_and_both_ends_say_since_when() -> None:
+def test_without_a_link_the_common_task_fails_and_both_ends_report_its_beginning() -> None:
     log = fly("lost-link.yaml")
     assert [name for name in PHASE if robustness(log)[name] <= 0] == ["slot-1-1"]
     said = {event.name: event for event in log.events() if event.name in ("unheard", "unanswered")}

@@ -1,4 +1,4 @@
-"""The smallest input satisfies the constraints, and comes as close as it can where none does."""
+"""The smallest input satisfies the constraints, or violates them as little as possible."""
 
 import math
 
@@ -55,7 +55,7 @@ def test_no_corner_and_no_mixture_is_better(
     st.lists(st.tuples(NUMBER, NUMBER, st.floats(-3, 9)), max_size=2),
     st.floats(0.1, 1),
 )
-def test_what_keeps_drones_apart_holds_before_all_tasks(
+def test_the_separation_of_drones_takes_precedence_over_all_tasks(
     apart: list[tuple[float, float]], tasks: list[tuple[float, float, float]], gamma: float
 ) -> None:
     walls = [Constraint(f"w{n}", math.cos(angle), math.sin(angle), bound) for n, (angle, bound) in enumerate(apart)]

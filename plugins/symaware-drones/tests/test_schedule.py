@@ -22,7 +22,7 @@ def task(name: str, agents: str, where: tuple[float, float], start: float, end: 
     return Task(name, tuple(agents), around(*where), begin, later, round(end * SECOND) - begin)
 
 
-def test_a_barrier_is_in_force_as_the_task_before_it_ends_and_positive_wherever_that_holds() -> None:
+def test_a_barrier_begins_as_the_previous_task_ends_and_is_positive_where_that_holds() -> None:
     first, second = Schedule([task("two", "a", (3, 0), 5, 6), task("one", "a", (0, 0), 1, 2)], PLACES).tasks[("a",)]
     assert (first.task.name, first.activation, second.activation) == ("one", 0, 2 * SECOND)
     for corner in first.task.corners:
@@ -38,7 +38,7 @@ def test_all_barriers_can_be_in_force_at_the_start() -> None:
 
 
 @pytest.mark.parametrize(("beginning", "start"), [("earliest", 3), ("middle", 4), ("latest", 5)])
-def test_what_is_to_hold_eventually_begins_within_its_interval(beginning: str, start: int) -> None:
+def test_an_eventual_task_begins_within_its_interval(beginning: str, start: int) -> None:
     eventually = task("one", "ab", (1, 0), 3, 4, latest=5)
     (found,) = Schedule([eventually], PLACES, beginning=beginning).tasks[("a", "b")]  # type: ignore[arg-type]
     assert (found.start, found.end) == (start * SECOND, (start + 1) * SECOND)

@@ -15,7 +15,7 @@ def run(*arguments: object) -> subprocess.CompletedProcess[str]:
     return subprocess.run(line, capture_output=True, text=True, timeout=120, check=False)
 
 
-def test_guards_go_round_and_say_so(tmp_path: Path) -> None:
+def test_guards_patrol_their_waypoints_with_events(tmp_path: Path) -> None:
     done = run("run", SCENARIO, "--output", tmp_path / "rounds.mcap")
     assert done.returncode == 0, done.stderr
     log = open_log(tmp_path / "rounds.mcap")
@@ -24,7 +24,7 @@ def test_guards_go_round_and_say_so(tmp_path: Path) -> None:
     assert [event.data["waypoint"] for event in reached] == [0, 1, 2, 3, 0]
 
 
-def test_guards_know_of_each_other_what_they_were_told(tmp_path: Path) -> None:
+def test_guards_know_the_received_states_and_intents_of_each_other(tmp_path: Path) -> None:
     done = run("run", SCENARIO, "--output", tmp_path / "rounds.mcap", "--set", "run.duration=2")
     assert done.returncode == 0, done.stderr
     log = open_log(tmp_path / "rounds.mcap")

@@ -56,7 +56,7 @@ def crowd() -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("instants", [40, pytest.param(INSTANTS, marks=pytest.mark.slow)])
-def test_a_state_put_back_at_a_random_instant_goes_on_to_the_same_bytes(instants: int, tmp_path: Path) -> None:
+def test_a_state_restored_at_a_random_instant_continues_to_the_same_bytes(instants: int, tmp_path: Path) -> None:
     (tmp_path / "crowd.yaml").write_text(yaml.safe_dump(crowd()))
     steps, further = instants + 20, 3
     summary = sa.load(tmp_path / "crowd.yaml", [f"run.duration={0.02 * steps}"]).run(record=False).summary

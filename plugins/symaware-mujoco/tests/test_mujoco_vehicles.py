@@ -144,7 +144,7 @@ def test_a_quadrotor_climbs_by_its_thrust() -> None:
     assert state[0, 2] == pytest.approx(1.0 + 0.5 * acceleration * (1.0 + 0.004), rel=1e-6)
 
 
-def test_a_quadrotor_flies_as_its_equations_say() -> None:
+def test_a_quadrotor_flies_according_to_its_equations() -> None:
     errors = []
     for substeps in (6, 60):
         ends = []
@@ -257,7 +257,7 @@ def test_vehicles_enter_and_leave(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["racecars", "drones"])
-def test_a_run_with_vehicles_goes_on_from_its_state_to_the_same_bytes(name: str, tmp_path: Path) -> None:
+def test_a_run_with_vehicles_continues_from_its_state_to_the_same_bytes(name: str, tmp_path: Path) -> None:
     scenario = sa.scenario(shipped(name))
     with scenario.start(output=tmp_path / "whole.mcap") as simulation:
         simulation.step(50)
@@ -295,7 +295,7 @@ def test_the_motion_of_one_quadrotor_does_not_depend_on_others() -> None:
         assert flown([number])[0] == pytest.approx(together[number], abs=1e-12)
 
 
-def test_an_obstacle_stands_in_the_way_of_a_car() -> None:
+def test_an_obstacle_stops_a_car() -> None:
     group = AgentGroup("one", ["one.0"], Racecar(), Entity(), np.zeros((1, 5)))
     environment = MujocoEnvironment(MujocoEnvironment.Parameters(time_step=0.02))
     environment.initialise([group], {"box": Obstacle(shape={"box": {"length": 1, "width": 1}}, position=[2, 0])}, 1)

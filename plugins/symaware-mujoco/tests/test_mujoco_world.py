@@ -217,7 +217,7 @@ def test_standing_bodies_have_no_contact_at_the_start_and_overlapping_ones_do() 
     assert contact.depth == pytest.approx(0.15, abs=1e-6)
 
 
-def test_an_absent_agent_stops_nobody() -> None:
+def test_an_absent_agent_does_not_block_others() -> None:
     scenario = yaml.safe_load((SCENARIOS / "pushing.yaml").read_text())
     robot = scenario["agents"]["robot"]
     scenario["agents"]["ghost"] = {
@@ -340,7 +340,7 @@ def test_a_run_repeats_to_the_byte_and_its_log_verifies(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("step", [0, 1, 17, 40, 77])
-def test_a_run_goes_on_from_its_state_to_the_same_bytes(step: int, tmp_path: Path) -> None:
+def test_a_run_continues_from_its_state_to_the_same_bytes(step: int, tmp_path: Path) -> None:
     scenario = sa.load(SCENARIOS / "pushing.yaml")
     with scenario.start(output=tmp_path / "whole.mcap") as simulation:
         simulation.step(step + 20)
@@ -395,5 +395,5 @@ def test_unsupported_features_are_refused_at_their_place(change: str, said: str,
         sa.load(tmp_path / "s.yaml", [change])
 
 
-def test_the_kit_finds_nothing() -> None:
+def test_the_conformance_kit_finds_no_deviation() -> None:
     check_environment(MujocoEnvironment)

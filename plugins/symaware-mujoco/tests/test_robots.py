@@ -356,7 +356,7 @@ def test_a_scenario_with_motors_repeats_and_its_log_verifies_without_the_files(n
 
 
 @pytest.mark.parametrize("step", [0, 13, 60])
-def test_a_run_with_motors_goes_on_from_its_state_to_the_same_bytes(step: int, tmp_path: Path) -> None:
+def test_a_run_with_motors_continues_from_its_state_to_the_same_bytes(step: int, tmp_path: Path) -> None:
     scenario = sa.load(SCENARIOS / "differential.yaml")
     with scenario.start(output=tmp_path / "whole.mcap") as simulation:
         simulation.step(step + 20)

@@ -70,7 +70,7 @@ def ran(url: str, log: Path, **changes: Any) -> Ended:
         return Ended(error.run.status, str(error))
 
 
-def test_two_runs_are_equal_however_long_the_node_takes(peer: str, tmp_path: Path) -> None:
+def test_two_runs_are_equal_regardless_of_the_delays_of_the_node(peer: str, tmp_path: Path) -> None:
     for name in ("one", "two"):
         ran(peer, tmp_path / f"{name}.mcap")
     one, two = (sa.open_log(tmp_path / f"{name}.mcap") for name in ("one", "two"))
@@ -96,7 +96,7 @@ def test_the_log_is_verified_run_again_and_branched_without_the_node(tmp_path: P
     assert alone.summary.simulated_time == 0.5
 
 
-def test_a_branch_goes_on_with_the_node(peer: str, tmp_path: Path) -> None:
+def test_a_branch_continues_with_the_node(peer: str, tmp_path: Path) -> None:
     log = tmp_path / "run.mcap"
     ran(peer, log)
     one = sa.branch(log, 0.5, ["agents.robot[0].state=[1, -1, 0]"], tmp_path / "one.mcap")
@@ -204,7 +204,7 @@ def test_an_absent_agent_gets_no_command(peer: str, tmp_path: Path) -> None:
     assert answers == [["robot.0"]] * 10 + [["robot.0", "robot.1"]] * 10
 
 
-def test_an_agent_that_has_stopped_is_not_asked(peer: str, tmp_path: Path) -> None:
+def test_a_stopped_agent_needs_no_command(peer: str, tmp_path: Path) -> None:
     log = tmp_path / "run.mcap"
     ran(peer, log, **{"faults.dead": {"at": 0.5, "stop": "robot.0"}})
     answers = [list(answer[0]["answer"]) for answer in sa.open_log(log).inputs.values()]

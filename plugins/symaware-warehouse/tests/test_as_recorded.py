@@ -47,7 +47,7 @@ def test_a_path_is_as_long_as_that_of_the_publication(log: Log, robot: int) -> N
 
 
 @pytest.mark.parametrize("robot", range(4))
-def test_a_robot_visits_what_it_visits_in_the_publication_at_most_a_step_apart(log: Log, robot: int) -> None:
+def test_a_robot_visits_the_regions_of_the_publication_at_most_a_step_apart(log: Log, robot: int) -> None:
     x, y = path(log, robot).T
     found = {}
     for name, (left, right, low, high) in PLACES.items():

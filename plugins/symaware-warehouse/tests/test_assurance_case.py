@@ -38,7 +38,7 @@ def test_a_solution_that_is_made_stale_on_purpose_is_found(tmp_path: Path) -> No
     sa.load(scenario, seed=6).run(output=folder / "other.mcap")
     again = sa.verify_case(tmp_path / "assured", "arithmetic")
     assert {name: each for name, each in again.problems.items() if each} == {
-        "Sn6": "stale: its file is another one than when the case was written"
+        "Sn6": "stale: its file has changed since the case was written"
     }
     assert {name: again.statuses[name] for name in again.document.goals} == {
         "G1": "fails",

@@ -1,4 +1,4 @@
-"""Differential drives with bodies track the plans, and what they accepted holds at every instant."""
+"""Differential drives with bodies track the plans, and accepted specifications hold at every instant."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 from warehouse_runs import SCENARIOS, command, run
 
 
-def test_what_was_accepted_holds_at_every_instant_and_nobody_runs_into_a_wall() -> None:
+def test_accepted_specifications_hold_at_every_instant_and_no_robot_hits_a_wall() -> None:
     log = run("drives.yaml")
     assert [each.verdict for each in log.outcomes] == ["satisfied"] * 3
     assert not [event for event in log.events() if event.name == "infeasible"]

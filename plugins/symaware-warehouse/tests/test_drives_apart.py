@@ -1,4 +1,4 @@
-"""Robots that tell each other their plans stay apart."""
+"""Robots that send each other their plans stay apart."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def least_distance(log: Log) -> float:
     return float(np.linalg.norm(one - other, axis=1).min())
 
 
-def test_the_second_robot_stays_apart_from_the_first_and_both_do_what_they_accepted() -> None:
+def test_the_second_robot_stays_apart_from_the_first_and_both_satisfy_their_specifications() -> None:
     log = run("drives-apart.yaml")
     assert {each.name: each.verdict for each in log.outcomes} == dict.fromkeys(
         ("safe", "fetch_2", "fetch_3", "apart"), "satisfied"
@@ -50,7 +50,7 @@ def told(times: list[int], radii: list[float]) -> ToldTube | None:
     return ToldTube.of("robot.0", TimeSeries.sampled(steps + 3 * SECOND, positions), uncertainty, SECOND, 0)
 
 
-def test_what_was_told_counts_from_the_present_step_on() -> None:
+def test_received_plans_count_from_the_present_step_on() -> None:
     tube = told([3, 4, 5], [0.0, 0.4, 0.5])
     assert tube is not None
     positions, radii = tube.rest(4)

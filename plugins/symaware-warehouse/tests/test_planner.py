@@ -58,7 +58,7 @@ class Choice(NamedTuple):
 
     Attributes:
         rows: Shape (m, 12).
-        limits: What the rows come to at most; shape (m,).
+        limits: The upper bounds of the rows; shape (m,).
     """
 
     rows: Array
@@ -115,10 +115,10 @@ class Errand(NamedTuple):
     """A small instance: reach one box, then another, and avoid a wall in between.
 
     Attributes:
-        state: Where the robot is.
+        state: The position of the robot.
         first: The box to be in at one of the steps 1 and 2.
         second: The box to be in at one of the steps 2 and 3.
-        wall: What to avoid at the steps 1 and 2.
+        wall: The box to avoid at the steps 1 and 2.
         epsilon: The limit of the sum of the risks.
     """
 
@@ -246,7 +246,7 @@ def test_bids_are_the_least_risk_over_all_choices_of_60_instances() -> None:
 
 
 def check_energy(seed: int) -> float | None:
-    """Compare a plan with energy; returns by how much it costs more than the best, None if there is none."""
+    """Compare a plan with energy; return the excess of its cost over the best, None without a plan."""
     errand = Errand.drawn(seed)
     best = errand.best_with_energy()
     plan = planner(STEPS, energy=ENERGY).solve([errand.commitment()], Progress.beginning(errand.state))
@@ -274,7 +274,7 @@ def test_plans_with_energy_are_the_best_of_all_choices_of_60_instances() -> None
     check_energies(60)
 
 
-def test_what_needs_more_than_its_epsilon_is_not_bid_on() -> None:
+def test_a_specification_that_needs_more_than_its_epsilon_gets_no_bid() -> None:
     box, text = (-2.0, 2.0, -2.0, 2.0), "always[0, 5] inside(position, goal)"
     for epsilon, is_possible in ((0.05, True), (0.04, False)):
         offer = commitment(text, {"goal": box}, epsilon=epsilon)
@@ -322,7 +322,7 @@ def test_the_risks_so_far_and_to_come_stay_within_epsilon() -> None:
     assert refused.status == "infeasible"
 
 
-def test_what_past_steps_have_used_up_makes_a_later_way_home_not_infeasible() -> None:
+def test_risks_of_past_steps_do_not_make_a_later_return_infeasible() -> None:
     boxes: dict[str, Box] = {"pickup": (-5.0, 20.0, -5.0, 5.0), "home": (-5.0, 5.0, -5.0, 5.0)}
     used_up = commitment("always[0, 10] inside(position, pickup)", boxes, epsilon=0.5)
     home = commitment("eventually[0, 4] inside(position, home)", boxes, start=5, epsilon=0.1)

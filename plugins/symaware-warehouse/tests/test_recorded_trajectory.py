@@ -71,6 +71,6 @@ def test_the_robustness_is_that_of_the_definition(robustness: dict[str, float], 
     assert 1.31 <= expected <= 1.475
 
 
-def test_the_other_specifications_hold_on_it(robustness: dict[str, float]) -> None:
+def test_the_other_specifications_hold_on_the_published_path(robustness: dict[str, float]) -> None:
     assert len(robustness) == 10
     assert min(robustness.values()) > 0.0

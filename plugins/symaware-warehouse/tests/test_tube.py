@@ -1,4 +1,4 @@
-"""The risk of a radius bounds the probability of an error that is greater."""
+"""The risk of a radius bounds the probability of a greater error."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robots auction what is offered by the risk that they would have; failures lead to another auction."""
+"""Robots auction offered specifications by their risk; failures lead to another auction."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def holders(log: Log) -> dict[str, list[str]]:
     return found
 
 
-def test_equal_bids_go_to_the_first_robot_and_what_was_accepted_holds() -> None:
+def test_equal_bids_go_to_the_first_robot_and_accepted_specifications_hold() -> None:
     log = run("two-robots.yaml")
     assert holders(log) == {"fetch_2": ["robot.0"], "fetch_3": ["robot.1"]}
     assert [each.verdict for each in log.outcomes] == ["satisfied"] * 3
@@ -34,7 +34,7 @@ def test_an_epsilon_below_the_least_risk_of_all_steps_is_refused_before_the_run(
 
 @pytest.mark.slow
 @pytest.mark.xdist_group("_weak-motors.yaml")  # one process makes the run that several tests look at
-def test_robots_with_weak_motors_fetch_nothing() -> None:
+def test_robots_with_weak_motors_accept_no_specification() -> None:
     log = run("_weak-motors.yaml")
     fetched = {agent for name, agents in holders(log).items() if name.startswith("fetch") for agent in agents}
     assert fetched == {"robot.0", "robot.1", "robot.3"}
@@ -53,7 +53,7 @@ def test_the_auction_of_the_published_case_gives_its_allocation_with_the_names_o
 
 
 @pytest.mark.slow
-def test_what_a_failed_robot_held_goes_to_another_and_nothing_that_was_accepted_is_violated() -> None:
+def test_specifications_of_a_failed_robot_go_to_another_and_accepted_ones_hold() -> None:
     log = run("failing-robots.yaml")
     assert holders(log)["fetch_4"] == ["robot.1", "robot.0", "robot.3"]
     assert holders(log)["home_d"] == ["robot.3"]
@@ -116,7 +116,7 @@ def test_with_the_same_greatest_radius_the_least_risk_grows_with_the_variance(ki
 
 
 @pytest.mark.parametrize("variance", ["none", -1, 0])
-def test_a_variance_that_is_none_is_refused(variance: object) -> None:
+def test_an_invalid_variance_is_refused(variance: object) -> None:
     done = command(
         "validate", SCENARIOS / "grades.yaml", "--set", f"agents.robot.knowledge.variance={{all: {variance}}}"
     )

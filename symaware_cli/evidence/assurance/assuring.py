@@ -195,7 +195,7 @@ def _checked(
         present[name] = check.digest(name)
         problem = check.problem(name)
         if problem is None and digests and digests.get(name) != present[name]:
-            problem = "stale: its file is another one than when the case was written"
+            problem = "stale: its file has changed since the case was written"
         problems[name] = problem
         if on_progress is not None:
             on_progress(number + 1, len(document.solutions))

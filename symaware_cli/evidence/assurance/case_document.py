@@ -207,7 +207,7 @@ def _faults(document: CaseDocument, composition: Composition) -> Iterator[Proble
                         "unknown-name", said, path, expected=expected, suggestion=nearest(other, known)
                     )
                 elif owners[other] not in kinds:
-                    said = f"`{other}` is in `{owners[other]}`, which cannot stand here"
+                    said = f"`{other}` is in `{owners[other]}`, which is not allowed here"
                     yield composition.problem("unsuitable", said, path, expected=f"one of {', '.join(kinds)}")
     for name in _in_circles(document):
         section = "goals" if name in document.goals else "strategies"

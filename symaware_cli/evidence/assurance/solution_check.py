@@ -101,14 +101,14 @@ class SolutionCheck:
             return
         name, content = wanted
         if _read(folder.source.scenario) != content:
-            raise _RefusedError(f"stale: it is about another scenario than {name} is now")
+            raise _RefusedError(f"stale: {name} has changed since it was made")
         top = folder.source.scenario.parent
         for each in folder.scenario_files():
             file = folder.path / each
             if file.is_relative_to(top):
                 beside = (self._folder / name).parent / file.relative_to(top)
                 if _read(beside) != file.read_bytes():
-                    raise _RefusedError(f"stale: {name} refers to {beside.name}, which is another file now")
+                    raise _RefusedError(f"stale: {name} refers to {beside.name}, which has changed")
 
     def _certificate(self, solution: SolutionUse, path: Path) -> None:
         read = opened(path).content["predicate"]
@@ -126,7 +126,7 @@ class SolutionCheck:
         result = verify_certificate(path, self._level, rows=self._rows, seed=self._seed)
         if not result.is_sound:
             first = [*result.findings, *result.sweep.findings][0]
-            raise _RefusedError(f"unsound: {first.column} is {first.found}, where {first.expected} has to be")
+            raise _RefusedError(f"unsound: {first.column} is {first.found}, but should be {first.expected}")
 
     def _falsification(self, solution: SolutionUse, path: Path) -> None:
         said = _json(path)
@@ -135,17 +135,17 @@ class SolutionCheck:
         if said["specification"] != solution.specification:
             raise _RefusedError(f"another claim: the search was about {said['specification']}")
         if not said["runs"] or said["runs"] == said["failed"]:
-            raise _RefusedError("unsound: the search has no run that ended")
+            raise _RefusedError("unsound: no run of the search finished")
         wanted = self._scenario(solution)
         if wanted is not None and said.get("scenario_sha256") != hashlib.sha256(wanted[1]).hexdigest():
-            raise _RefusedError(f"stale: it is about another scenario than {wanted[0]} is now")
+            raise _RefusedError(f"stale: {wanted[0]} has changed since it was made")
 
     def _logged(self, solution: SolutionUse, path: Path) -> Log:
         """Return a log, and refuse it if the scenario has changed since."""
         log = open_log(path)
         wanted = self._scenario(solution)
         if wanted is not None and wanted[1] not in log.attachments.values():
-            raise _RefusedError(f"stale: it is about another scenario than {wanted[0]} is now")
+            raise _RefusedError(f"stale: {wanted[0]} has changed since it was made")
         return log
 
     def _log(self, solution: SolutionUse, path: Path) -> None:
@@ -158,7 +158,7 @@ class SolutionCheck:
 
     def _repeat(self, path: Path) -> None:
         if not verify_log(path).is_equal:
-            raise _RefusedError("unsound: the run, repeated, is another one")
+            raise _RefusedError("unsound: the repeated run differs from it")
 
     def _explanation(self, solution: SolutionUse, path: Path) -> None:
         said = _json(path)
@@ -171,7 +171,7 @@ class SolutionCheck:
         if log is None:
             raise _RefusedError(f"missing: there is no log {written}, which it explains")
         if digest(self._logged(solution, log)).combined != said["digest"]:
-            raise _RefusedError(f"stale: it explains another run than that of {written}")
+            raise _RefusedError(f"stale: it explains a run other than that of {written}")
         causes = [each["text"] for each in said["causes"]]
         if solution.cause == "none" and (causes or said["uncompared"] or said["together"]):
             raise _RefusedError("contradicted: it has a cause, or candidates that were not compared")

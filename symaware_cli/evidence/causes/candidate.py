@@ -1,4 +1,4 @@
-"""What may have caused a violation, and can be otherwise in a branch: beliefs, messages, faults, promises, components.
+"""Possible causes of a violation, which branches can correct: beliefs, messages, faults, promises, components.
 
 Reasons: docs/decisions/0090-explanations.md
 """
@@ -62,7 +62,7 @@ class Candidate(ABC):
 
     @property
     def passed(self) -> str:
-        """Why no branch can make it right any more, if `acts_from` says so, after its name."""
+        """Why branches can no longer correct it, if `acts_from` is false; follows its name in a sentence."""
         return "which was over"
 
     @abstractmethod
@@ -211,12 +211,12 @@ class DeclaredFault(Candidate):
 
 @dataclass(frozen=True, slots=True)
 class BrokenPromise(Candidate):
-    """A promise that was broken, which a branch lets be kept.
+    """A broken promise, which is kept in a branch.
 
     Attributes:
         promise: Its name.
         of: The id of the agent that made it.
-        broken: When it was broken first [s].
+        broken: The time at which it was first broken [s].
     """
 
     kind: ClassVar = "promise"
@@ -252,18 +252,18 @@ class BrokenPromise(Candidate):
         return f"which was broken at {self.broken:g} s"
 
     def document(self, *, truth: bool) -> Mapping[str, Any]:
-        """The fault that lets the promise be kept."""
+        """The fault that makes the agent keep the promise."""
         return {"keep": {"promise": self.promise, "of": self.of}}
 
 
 @dataclass(frozen=True, slots=True)
 class ComponentAlternative(Candidate):
-    """Another component, or one with another parameter, that a branch puts in the place of one.
+    """Another component, or the same one with another parameter, that replaces a component in a branch.
 
     Attributes:
         of: The agents and the name of the component, as in ``robot.2.steer``.
         change: The change, in the form of ``--set``.
-        fault: The fault that makes the change: a kind, and what is written under it.
+        fault: The fault that makes the change: its kind, and the content under this key.
     """
 
     kind: ClassVar = "component"
@@ -361,14 +361,14 @@ def faults_of(built: Built, violated: float) -> list[DeclaredFault]:
 def promises_of(built: Built, log: Log, specification: str, violated: float) -> list[BrokenPromise]:
     """List the promises that were broken in a run until a violation, in the order of their names.
 
-    A promise is a specification of its name as well, so the log tells when it was broken. That specification itself is
-    not explained by the promise.
+    A promise is a specification of its name as well, so the log contains the time at which it was broken. That
+    specification itself is not explained by the promise.
 
     Args:
         built: The scenario.
         log: The log of the run.
         specification: The name of the violated specification.
-        violated: When it was violated [s].
+        violated: The time of the violation [s].
     """
     section = built.sections.get("promises")
     if section is None:

@@ -43,7 +43,7 @@ def component_alternatives(log: Path, over: Over) -> list[ComponentAlternative]:
 
 
 def possible_together(candidates: Sequence[Candidate]) -> list[list[Candidate]]:
-    """Divide candidates into sets that can be made right together: of each component, one alternative.
+    """Divide candidates into sets that can be corrected together: each has one alternative of each component.
 
     The first set has all other candidates.
     """

@@ -1,4 +1,4 @@
-"""The examination of a violation: branches in which candidates are made right, compared with placebos.
+"""The examination of a violation: branches in which candidates are corrected, compared with placebos.
 
 Reasons: docs/decisions/0090-explanations.md
 """
@@ -79,11 +79,11 @@ def explain(
     on_plan: Callable[[ExplanationPlan], object] | None = None,
     on_progress: Callable[[int, int], object] | None = None,
 ) -> Explanation:
-    """Find what would have prevented a violation: a true belief, messages in time, no fault, another component...
+    """Find what would have prevented a violation: a true belief, messages in time, no fault, another component.
 
-    First all candidates are made right at once, and compared with all placebos: only if that saves more futures, single
-    ones are examined. *In this run*, with all other draws as they were, each is made right from each instant on. *In
-    general*, everything after the instant is drawn anew, in the same way for a branch with the candidate made right and
+    First all candidates are corrected at once, and compared with all placebos: single ones are examined only if that
+    saves more futures. *In this run*, with all other draws unchanged, each is corrected from each instant on. *In
+    general*, everything after the instant is drawn anew, in the same way for a branch with the candidate corrected and
     for one with its placebo; the difference of the shares of futures that they save has an exact paired interval,
     corrected by Holm's procedure over all candidates and instants. Before, sets of candidates are screened by halves,
     with futures of their own, from the instant at which all together matter most: the halves of a set that saves
@@ -95,19 +95,19 @@ def explain(
         specification: The name of the violated specification; by default the one that was violated first.
         kinds: The kinds of candidates, of `KINDS`.
         agents: A pattern of the ids of the agents whose beliefs and received messages are examined.
-        before: How long before the violation candidates are made right [s].
+        before: The times before the violation from which on candidates are corrected [s].
         futures: The number of redrawn futures of each arm.
-        within: How long after the violation a branch is run at most [s]: what is not violated until then counts as
-            saved. None for the end of the run.
-        confidence: The probability that no reported cause is none.
-        budget: The most CPU time [s]; fewer futures are drawn if it would be exceeded. None for no limit.
+        within: The longest time that a branch is run after the violation [s]; it is saved without a violation until
+            then. None for the end of the run.
+        confidence: The probability that every reported cause is a cause.
+        budget: The maximum CPU time [s]; fewer futures are drawn if it would be exceeded. None for no limit.
         seed: The seed of the redrawn futures.
         over: The alternatives of components; see `component_alternatives`.
         on_plan: Called with the plan before any branch is run.
         on_progress: Called with the number of branches run and planned.
 
     Raises:
-        BranchError: Nothing was violated, nothing can be made right, the run does not repeat or computes in several
+        BranchError: Nothing was violated, nothing can be corrected, the run is not reproducible or computes in several
             processes, or the budget is too small.
         LogError: The log cannot be read.
         ScenarioError: The scenario of the log is not valid here.
@@ -118,15 +118,13 @@ def explain(
     if unknown or not kinds:
         raise BranchError(f"kinds of candidates are {', '.join(KINDS)}; not {', '.join(unknown) or 'none at all'}")
     if INPUTS in open_log(path).channels:
-        raise BranchError(
-            "the run got inputs from outside (/inputs in its log), and no other future has answers to them"
-        )
+        raise BranchError("the run received external inputs (/inputs in its log), which other futures do not have")
     built = open_scenario(path)
     name, violated, text = _violation(path, specification)
     step = built.simulation.environment.time_step / 1e9
     instants = _instants(violated, before, step)
     if not instants:
-        raise BranchError(f"`{name}` is violated at {violated:g} s: no instant of the grid is that long before")
+        raise BranchError(f"`{name}` is violated at {violated:g} s: no instant of the grid is that early")
     remote = [entry.path for entry in built.simulation.entries if entry.timing.in_process]
     if remote:
         raise BranchError(f"the run cannot be branched here: {remote[0]} computes in another process (`run_in`)")
@@ -182,17 +180,17 @@ def _candidates(
     violated: float,
     over: Over,
 ) -> tuple[Sequence[Candidate], Sequence[Candidate]]:
-    """Return what branches make right, and what none can make right any more: see `Candidate.acts_from`.
+    """Return the candidates that branches can correct, and those that they no longer can: see `Candidate.acts_from`.
 
     Raises:
-        BranchError: There is nothing.
+        BranchError: There are none.
     """
     found: list[Candidate] = []
     late: list[Candidate] = []
     reasons = []
 
     def still(some: Sequence[Candidate]) -> bool:
-        """Keep those that can be made right from some instant on, and return whether there are others."""
+        """Keep the candidates that can be corrected from some instant on, and return whether there are others."""
         passed = [each for each in some if not any(each.acts_from(instant) for instant in instants)]
         late.extend(passed)
         found.extend(each for each in some if each not in passed)
@@ -200,7 +198,7 @@ def _candidates(
 
     if "beliefs" in kinds:
         found += beliefs_of(built)
-        reasons.append("no belief can be wrong (sensors are exact, and no messages tell anything)")
+        reasons.append("no belief can be wrong (sensors are exact, and messages contain no beliefs)")
     if "faults" in kinds:
         reasons.append(
             f"all faults are over before {instants[0]:g} s (--before)"
@@ -229,7 +227,7 @@ def _candidates(
 
 
 def _violation(path: Path, specification: str | None) -> tuple[str, float, str]:
-    """Return the specification that was violated, when [s], and what the run said about it."""
+    """Return the violated specification, the time of the violation [s], and the message of the run about it."""
     found = [event for event in open_log(path).events() if event.name == "violated"]
     for event in found:
         name = event.source.removeprefix("specifications.")
@@ -238,7 +236,7 @@ def _violation(path: Path, specification: str | None) -> tuple[str, float, str]:
     if specification is None:
         raise BranchError(f"no specification was violated in {path}: there is nothing to explain")
     there = ", ".join(dict.fromkeys(event.source.removeprefix("specifications.") for event in found)) or "nothing"
-    raise BranchError(f"`{specification}` was not violated in {path}; violated was {there}")
+    raise BranchError(f"`{specification}` was not violated in {path}; {there} was")
 
 
 def _instants(violated: float, before: Sequence[float], step: float) -> list[float]:
@@ -273,7 +271,7 @@ def _plan(
 
 
 def _most_reductions(count: int) -> int:
-    """The number of sets that are tried at most to find a small one: enough for two candidates that matter together."""
+    """The maximum number of sets tried to find a small one: enough for two candidates that matter together."""
     return 0 if count <= 2 else 4 * (count - 1).bit_length() + 4
 
 
@@ -308,7 +306,7 @@ class _Examination:
         self._least_saved = next(each for each in count(1) if PairedShares(each, each, 0).probability <= alpha)
 
     def everything(self, sets: Sequence[Sequence[Candidate]]) -> list[FutureComparison]:
-        """Compare all candidates of each set made right at once with all placebos at once, at each instant."""
+        """Compare the correction of all candidates of each set at once with all placebos at once, at each instant."""
         instants, futures = self._plan.instants, self._plan.futures
         return self._corrected([self._compared(some, each, "all", futures) for some in sets for each in instants])
 
@@ -371,16 +369,16 @@ class _Examination:
     def _reduced(
         self, some: Sequence[Candidate], rest: Sequence[Candidate], instant: float, least: float
     ) -> list[Candidate]:
-        """Return few of some candidates that suffice together with others.
+        """Return a small subset of some candidates that suffices together with the others.
 
-        If neither half of them suffices, what is needed of each half is found with the other half added. Source: A.
-        Zeller, "Yesterday, my program worked. Today, it does not. Why?", ESEC/FSE 1999 (the algorithm dd+).
+        If neither half suffices, the needed part of each half is found with the other half added. Source: A. Zeller,
+        "Yesterday, my program worked. Today, it does not. Why?", ESEC/FSE 1999 (the algorithm dd+).
 
         Args:
             some: The candidates; together with the others, they suffice.
             rest: The others.
-            instant: The instant from which they are made right [s].
-            least: The difference of the shares that counts as sufficient.
+            instant: The instant from which on they are corrected [s].
+            least: The least difference of the shares that counts as sufficient.
 
         Raises:
             _TooManyError: More sets would be tried than are planned.
@@ -420,17 +418,17 @@ class _Examination:
         return [each for _, _, each in sorted(left, key=lambda each: each[:2])]
 
     def _selected(self, candidates: Sequence[Candidate], instant: float, purpose: str) -> PairedShares:
-        """Compare truth with nothing done, in a few futures, to select what is examined in other futures.
+        """Compare truth with no change, in a few futures, to select the candidates to examine in other futures.
 
-        In redrawn futures a placebo saves as many as nothing does, apart from what it does beside drawing anew, and
-        nothing has to be tried only once for all sets.
+        In redrawn futures a placebo saves as many as no change, apart from its effects other than new draws, and the
+        branches without a change are run only once for all sets.
         """
         seeds = self._seeds(instant, purpose, _SCREENED)
         second = [self._left_alone(instant, each) for each in seeds]
         return PairedShares.of([self._saved(instant, candidates, seed=each) for each in seeds], second)
 
     def _saves_more(self, candidates: Sequence[Candidate], instant: float) -> bool:
-        """Whether `_selected` finds that truth saves more futures than nothing, without those that cannot change it."""
+        """Whether truth saves more futures than no change; futures that can no longer alter this are not run."""
         seeds = self._seeds(instant, "screening", _SCREENED)
         alone = [self._left_alone(instant, each) for each in seeds]
         lead = 0
@@ -490,7 +488,7 @@ class _Examination:
 
 
 def _order(row: CandidateRow) -> tuple[bool, float, float, bool, bool]:
-    """Causes before others, by the lower bound and the difference; then what screening left and what saves this run."""
+    """The sort key: causes first, by lower bound and difference; then those left by screening or saving this run."""
     best = row.best
     lower, difference = (best.lower, best.shares.difference) if best and best.has_placebo else (-2.0, -2.0)
     return not row.is_cause, -lower, -difference, not row.left, not any(row.in_this_run)

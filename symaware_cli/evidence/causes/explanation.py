@@ -1,4 +1,4 @@
-"""What was found about a violation: what would have prevented it, such as a belief, had it been true.
+"""The findings about a violation: the corrections that would have prevented it, such as of a false belief.
 
 Reasons: docs/decisions/0090-explanations.md
 """
@@ -195,7 +195,7 @@ class Explanation:
         everything: The comparison of all corrections at once with all placebos at once.
         rows: The candidates, causes first.
         together: Candidates that suffice together, if no single one is a cause; None if no few do.
-        over: Faults that cannot be absent, and promises that cannot be kept, from the first instant on any more.
+        over: Faults that can no longer be prevented, and promises that can no longer be kept, at the first instant.
         times: The instants of `CandidateRow.wrongness` [s].
     """
 
@@ -232,7 +232,7 @@ class Explanation:
 
     @property
     def made_right(self) -> str:
-        """What is made of the candidates, in a few words, as in "true or absent"."""
+        """The result of the corrections in a few words, such as "true or absent"."""
         words = {
             "beliefs": "true",
             "messages": "in time",

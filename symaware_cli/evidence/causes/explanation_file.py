@@ -22,7 +22,7 @@ _Number = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class NamedCandidate(BaseModel):
-    """What may be a cause.
+    """A possible cause.
 
     Attributes:
         text: Its name.
@@ -66,7 +66,7 @@ class _Saved(BaseModel):
 
 
 class ExplainedCandidate(BaseModel):
-    """What was found about a candidate; see `CandidateRow.to_json`."""
+    """The findings about a candidate; see `CandidateRow.to_json`."""
 
     candidate: NamedCandidate
     cause: bool
@@ -88,7 +88,7 @@ class _Plan(BaseModel):
 
 
 class ExplanationFile(BaseModel):
-    """What is read of an explanation; see `Explanation.to_json`."""
+    """The part of an explanation that is read; see `Explanation.to_json`."""
 
     digest: _Text
     specification: _Text
@@ -110,7 +110,7 @@ def beside(log: Path) -> Path:
 
 
 def read_explanation(path: Path, log: Log) -> ExplanationFile | str:
-    """Read an explanation; return why it cannot be shown, if it cannot."""
+    """Read an explanation; return the reason if it cannot be shown."""
     try:
         with path.open("rb") as file:
             data = file.read(_MOST_BYTES + 1)

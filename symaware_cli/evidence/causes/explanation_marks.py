@@ -73,9 +73,9 @@ class Causes(Drawing):
             yield from self._drawn(f"world/causes/{number}", each, span, chunk)
 
     def legend(self) -> Iterator[tuple[str, str]]:
-        """Yield what is seen, and what it means."""
+        """Yield the marks that are seen, and their meaning."""
         if self._found is not None and _causes(self._found):
-            yield "thick red lines and rings", "causes of the violation, from when they matter"
+            yield "thick red lines and rings", "causes of the violation, from the time at which they matter"
 
     def _drawn(self, path: str, given: NamedCandidate, span: tuple[int, int], chunk: Chunk) -> Iterator[Lines | Rings]:
         """Yield the marks of a cause from its first instant to the violation [ns]."""

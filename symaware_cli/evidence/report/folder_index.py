@@ -43,11 +43,11 @@ class IndexEntry:
     Attributes:
         path: Its path, relative to the folder.
         kind: ``log`` or ``sweep``.
-        status: How the run ended, or how many runs of a sweep did.
+        status: How the run ended, or the number of runs made of a sweep.
         name: The name of the scenario; empty if unknown.
-        facts: What else is said about it, by name.
-        verdicts: The verdict on each specification, and what was counted, such as ``3 of 4``.
-        differences: What distinguishes it from the first log of the same scenario.
+        facts: Further facts about it, by name.
+        verdicts: The verdict on each specification, and the counts, such as ``3 of 4``.
+        differences: The differences from the first log of the same scenario.
         picture: Its picture as PNG; empty if there is nothing to draw.
         error: Why it cannot be read; empty if it can.
     """
@@ -71,7 +71,7 @@ class IndexEntry:
 def index_entries(folder: Path, *, recursive: bool = False) -> list[IndexEntry]:
     """Return an entry for each log and each sweep in a folder, in the order of their paths.
 
-    A folder that contains a sweep is one entry, whatever else is in it. Links to folders are not followed.
+    A folder that contains a sweep is one entry, regardless of its other content. Links to folders are not followed.
 
     Args:
         folder: The folder.
@@ -188,7 +188,7 @@ def _drawn(draw: Any) -> bytes:
 
 
 def _differences(log: Log, relative: Path, name: str, firsts: dict[str, tuple[Path, Any]]) -> list[str]:
-    """Return in which values the scenario of a log differs from that of the first log with the same name."""
+    """Return the values in which the scenario of a log differs from that of the first log with the same name."""
     try:
         data = read_yaml(log.attachments[RESOLVED])
     except (KeyError, ValueError):

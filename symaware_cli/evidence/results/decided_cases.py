@@ -1,4 +1,4 @@
-"""What commands decide, as test cases: specifications, claims, rows of sweeps, repetitions, compared channels."""
+"""Decisions of commands as test cases: specifications, claims, rows of sweeps, repetitions, compared channels."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def specification_spans(path: Path, changes: Changes | None = None, statements: 
     """Return the places of the specifications of a scenario or a log.
 
     For a log, they are places in the files as the log contains them, which are named as they were. Empty if the files
-    cannot be read: what is wrong with them is reported by the command itself.
+    cannot be read: the command itself reports their problems.
 
     Args:
         path: The scenario or the log.
@@ -185,7 +185,7 @@ def finding_cases(suite: str, findings: Iterable[Finding]) -> Iterator[ResultCas
     for number, each in enumerate(findings):
         is_sound = False
         where = "" if each.index is None else f"run {each.index}, "
-        said = f"{where}{each.column}: {each.found}, where {each.expected} has to be"
+        said = f"{where}{each.column}: {each.found}, but should be {each.expected}"
         yield ResultCase(suite, f"{number}: {where}{each.column}", "finding", CaseStatus.FAILURE, "contradiction", said)
     if is_sound:
         yield ResultCase(suite, "sound", "finding")

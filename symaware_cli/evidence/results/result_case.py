@@ -1,4 +1,4 @@
-"""A test case: one thing that a command decided, with its reason and its place."""
+"""A test case: one decision of a command, with its reason and its place."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from symaware_cli.language import Problem, TextSpan
 class CaseStatus(Enum):
     """How a test case ended.
 
-    What was decided and is not as it has to be is a failure, such as a violated specification; what could not be
-    decided is an error, such as a run that failed or a scenario with a mistake in it.
+    A negative decision is a failure, such as a violated specification; a decision that could not be made is an error,
+    such as a failed run or a mistake in a scenario.
     """
 
     PASSED = "passed"
@@ -28,12 +28,12 @@ class ResultCase:
     """A test case.
 
     Attributes:
-        suite: What it belongs to, such as a log, a scenario or a sweep.
+        suite: The log, scenario or sweep that it belongs to.
         name: Its name, such as that of a specification; unique within its suite and kind.
-        kind: What it is, such as ``specification``, ``claim``, ``row`` or ``channel``.
+        kind: The kind of its subject, such as ``specification``, ``claim``, ``row`` or ``channel``.
         status: How it ended.
-        rule: A stable identifier of what is wrong, such as ``violated-specification`` or the code of a problem; empty
-            if nothing is.
+        rule: A stable identifier of the fault, such as ``violated-specification`` or the code of a problem; empty
+            without a fault.
         message: The reason, in one sentence.
         details: More lines for people, such as a traceback.
         span: Its place in a file, if it has one.
@@ -71,7 +71,7 @@ def problem_cases(suite: str, problems: Iterable[Problem], status: CaseStatus = 
 
 
 def by_suite(cases: Sequence[ResultCase]) -> dict[str, list[ResultCase]]:
-    """Return the test cases of each suite, in the order in which they came."""
+    """Return the test cases of each suite, in their order."""
     found: dict[str, list[ResultCase]] = {}
     for case in cases:
         found.setdefault(case.suite, []).append(case)

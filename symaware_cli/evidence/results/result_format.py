@@ -39,7 +39,7 @@ class ResultFile:
     Attributes:
         form: Its format.
         path: Its path.
-        origin: The plugin that the format is of, for messages.
+        origin: The plugin of the format, for messages.
     """
 
     form: ResultFormat

@@ -1,4 +1,4 @@
-"""SARIF 2.1.0: what is wrong, with rules and places, as code hosts show it beside the lines of files.
+"""SARIF 2.1.0: faults with rules and places, which code hosts show beside the lines of files.
 
 Source: Static Analysis Results Interchange Format (SARIF) Version 2.1.0, OASIS Standard, 27 March 2020.
 """
@@ -23,7 +23,7 @@ _BASE = "SRCROOT"
 
 
 class Sarif(ResultFormat):
-    """What is wrong, with its rule and its place in files, for code hosts and editors."""
+    """Faults with their rules and places in files, for code hosts and editors."""
 
     def content(self, cases: Sequence[ResultCase], command: str) -> str:
         """Return the document: a result for each failure, error and warning."""
@@ -57,7 +57,7 @@ def _result(case: ResultCase, rule: int) -> dict[str, Any]:
 
 
 def _artifact(file: str) -> dict[str, str] | None:
-    """The location of a file, relative to the current folder if it is below; None for what is no file."""
+    """The location of a file, relative to the current folder if it is below; None if it is no file."""
     if file.startswith("--") or not Path(file).is_file():
         return None
     path = Path(file).resolve()

@@ -83,14 +83,14 @@ class SpecificationControl(Component):
         "planned": "There is a new plan, after a search; `robustness` is the least of its specifications, if the run "
         "ended with it; `gap` how much better the best plan may be, in units of the cost.",
         "infeasible": "There is no plan; `conflict` names specifications that cannot hold together, `left` the number "
-        "of steps left of the last plan. Once until there is a plan again.",
+        "of steps left of the last plan. Fired once until there is a plan again.",
         "solver-failed": "The search ended without a plan at the limit of nodes; `left` is the number of steps left of "
         "the last plan.",
         "done": "Nothing is left to be planned for: every specification is decided.",
     }
 
     class Parameters(StlParameters):
-        """What to plan for, and how."""
+        """The specifications to plan for, and the settings of plans."""
 
     def __init__(self, parameters: Any = None) -> None:
         super().__init__(parameters)

@@ -14,7 +14,7 @@ from symaware_cli.planning.risk.state_conditions import Tail
 
 
 class StlParameters(Parameters):
-    """What to plan for, and how."""
+    """The specifications to plan for, and the settings of plans."""
 
     specifications: list[str] = Field(
         min_length=1, description="The specifications to satisfy: of the group's agents, and linear in the state."

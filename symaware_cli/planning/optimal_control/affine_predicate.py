@@ -248,7 +248,7 @@ class _Compiler:
                 return _ball(vector, float(radius.offset[0]), positive=less == positive)
         difference = self._difference(node, sign, left, right)
         if difference.is_vector:
-            said = f"this compares {len(difference.matrix)} values; say all(...) or any(...)"
+            said = f"this compares {len(difference.matrix)} values; use all(...) or any(...)"
             raise ExpressionError(said, node.span)
         return self._half_space(difference, positive=positive)
 

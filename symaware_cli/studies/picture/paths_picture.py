@@ -231,7 +231,7 @@ def _surroundings(folder: SweepFolder, row: Row) -> Trajectories:
 def _require_equal(folder: SweepFolder, before: Row, again: Row) -> None:
     if before.digest != again.digest:
         folder.check()  # names the version that differs, if one does
-        raise SweepError(f"run {before.index} of {folder.path} came out otherwise when it was made again")
+        raise SweepError(f"run {before.index} of {folder.path} had another result when it was repeated")
 
 
 def _caption(cell: Cell, plan: SweepPlan) -> str:

@@ -273,7 +273,7 @@ def test_agents_that_return_later_have_yet_to_reach_their_goals(tmp_path: Path) 
     ("present", "said"),
     [
         ({"again": [{"from": 1.0}]}, "an agent that returns has to leave before: `until` is missing"),
-        ({"until": 1.0, "again": [{"until": 2.0}]}, "when does it return? `from` is missing"),
+        ({"until": 1.0, "again": [{"until": 2.0}]}, "`from` is missing: when it returns"),
         ({"until": 1.0, "again": [{"from": 1.0}]}, "an agent that leaves at 1 s cannot return at 1 s"),
         ({"until": 1.0, "again": [{"from": 2.0, "until": 1.5}]}, "an agent that leaves at 1.5 s has not entered by"),
     ],

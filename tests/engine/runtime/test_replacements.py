@@ -180,7 +180,7 @@ def test_a_state_before_within_and_after_a_replacement_can_be_captured(
         (swap("uncertainty.conformal"), "writes the part `region`"),
         (swap("risk.specification", parameters={"specifications": ["safe"]}), "no specification `safe`"),
         (swap("perception.camera"), "needs images"),
-        ({**swap(), "at": None}, "say when it comes"),
+        ({**swap(), "at": None}, "give its beginning"),
     ],
 )
 def test_a_replacement_that_cannot_work_is_refused_at_its_place(

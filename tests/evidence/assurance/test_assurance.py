@@ -100,7 +100,7 @@ def test_evidence_that_changed_turns_its_goals_red(folder: Path) -> None:
     shutil.copy(folder / "other.mcap", folder / "run.mcap")
     goals, problems = verified(folder)
     assert goals == {"G1": "fails", "G2": "holds", "G3": "fails"}
-    assert problems == {"Sn5": "stale: its file is another one than when the case was written"}
+    assert problems == {"Sn5": "stale: its file has changed since the case was written"}
     assert "#c62828" in (folder / "assured" / "case.svg").read_text()
 
 
@@ -118,7 +118,7 @@ def test_evidence_for_another_scenario_is_stale(folder: Path) -> None:
     scenario.write_text(SCENARIO.replace("process_noise: 0.1", "process_noise: 0.3"))
     _, problems = verified(folder)
     assert set(problems) == {"Sn1", "Sn2", "Sn3", "Sn4", "Sn5", "Sn6"}
-    assert set(problems.values()) == {"stale: it is about another scenario than meeting.yaml is now"}
+    assert set(problems.values()) == {"stale: meeting.yaml has changed since it was made"}
 
 
 def test_a_forged_table_is_found(folder: Path) -> None:
@@ -159,7 +159,7 @@ def test_evidence_that_does_not_establish_its_claim_is_refused(
     ("written", "instead", "line", "said"),
     [
         ("by: [S1]", "by: [S2]", 6, "nothing is called `S2`"),
-        ("by: [S1]", "by: [S1, C1]", 6, "`C1` is in `context`, which cannot stand here"),
+        ("by: [S1]", "by: [S1, C1]", 6, "`C1` is in `context`, which is not allowed here"),
         ("by: [Sn1, Sn2]", "by: [Sn1, Sn2, G1]", 7, "`G2` supports itself"),
         ("A1: The", "A2: The", 6, "nothing is called `A1`"),
         ("at_least: 0.2", "claim: P(sees) > 0.5", 13, "does not take `claim`"),
@@ -217,9 +217,7 @@ def test_the_exchanged_case_conforms_to_the_metamodel(folder: Path) -> None:
         ("<description>", "<descriptions/><description>", "contains no descriptions"),
     ],
 )
-def test_the_check_against_the_metamodel_finds_what_violates_it(
-    made: Path, written: str, instead: str, said: str
-) -> None:
+def test_the_check_against_the_metamodel_finds_violations(made: Path, written: str, instead: str, said: str) -> None:
     text = (made / "assured" / "case.sacm.xml").read_text()
     assert written in text
     assert any(said in each for each in problems(text.replace(written, instead, 1)))

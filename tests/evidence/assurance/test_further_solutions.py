@@ -81,13 +81,13 @@ def test_an_explanation_and_a_study_support_a_goal(folder: Path) -> None:
         ("column: robustness.apart", "column: robustness.apart2", "Sn2", "another claim"),
     ],
 )
-def test_what_they_do_not_show_is_refused(folder: Path, written: str, instead: str, name: str, said: str) -> None:
+def test_evidence_for_other_claims_is_refused(folder: Path, written: str, instead: str, name: str, said: str) -> None:
     assert said in (problems(folder, written, instead)[name] or "")
 
 
-def test_they_are_stale_if_run_or_scenario_changed(folder: Path) -> None:
+def test_solutions_are_stale_if_run_or_scenario_changed(folder: Path) -> None:
     sa.load(folder / "pushed.yaml", seed=8).run(output=folder / "pushed.mcap")
     (folder / "meeting.yaml").write_text(SCENARIO.replace("4.0, 0.0", "4.5, 0.0"))
     found = problems(folder)
-    assert (found["Sn1"] or "").startswith("stale: it explains another run")
-    assert (found["Sn2"] or "").startswith("stale: it is about another scenario")
+    assert (found["Sn1"] or "").startswith("stale: it explains a run other than")
+    assert found["Sn2"] == "stale: meeting.yaml has changed since it was made"

@@ -91,11 +91,11 @@ def test_an_unreadable_log_is_an_entry_with_its_error(entries: dict[str, IndexEn
     assert not entries["broken.mcap"].picture
 
 
-def test_equal_scenarios_are_said_to_be_the_same(entries: dict[str, IndexEntry]) -> None:
+def test_equal_scenarios_are_reported_as_the_same(entries: dict[str, IndexEntry]) -> None:
     assert entries["deep/deeper/c.mcap"].differences == ["compared with a.mcap: the same scenario"]
 
 
-def test_folders_in_a_folder_are_searched_only_if_asked_for(folder: Path) -> None:
+def test_subfolders_are_searched_only_on_request(folder: Path) -> None:
     with pytest.raises(sa.LogError, match="--recursive"):
         index_entries(folder / "deep")
 

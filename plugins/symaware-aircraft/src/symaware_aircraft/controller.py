@@ -96,12 +96,12 @@ class ScenarioTreeMPC(Component):
     class Parameters(Parameters):
         """The program, the scenarios and the solver."""
 
-        horizon: int = Field(30, ge=1, le=1000, description="N: how far ahead to plan, in steps of the world.")
+        horizon: int = Field(30, ge=1, le=1000, description="N: planning horizon, in steps of the world.")
         robust_horizon: int = Field(
             3,
             ge=0,
             le=5,
-            description="N_r: for how many steps the others may turn as they like; 3^N_r scenarios for each. With 0 "
+            description="N_r: number of steps in which others may turn arbitrarily; 3^N_r scenarios for each. With 0 "
             "their intent is the only one.",
         )
         third_branch: ThirdBranch = Field(
@@ -110,11 +110,11 @@ class ScenarioTreeMPC(Component):
             "keeps the intent as one scenario more, and leaves the others out at the end of the horizon, as the "
             "published runs did.",
         )
-        others: int = Field(1, ge=1, le=50, description="How many others to look at: the nearest ones that are known.")
-        avoid: bool = Field(True, description="Whether to keep clear of them; if not, they are watched only.")
+        others: int = Field(1, ge=1, le=50, description="Number of others to consider: the nearest known ones.")
+        avoid: bool = Field(True, description="Whether to keep clear of them; if not, they are only observed.")
         others_turn_rate: float = Field(0.07, gt=0, description="Greatest turn rate of the others [rad/s].")
         separation: float = Field(
-            math.sqrt(2000.0), gt=0, description="rho: the least distance to keep from everybody's centre [m]."
+            math.sqrt(2000.0), gt=0, description="rho: the least distance to keep from the centres of others [m]."
         )
         risk_margin: float = Field(60.0, gt=0, description="A scenario that comes closer than this is a threat [m].")
         state_weights: tuple[Weight, Weight, Weight] = Field(
@@ -135,7 +135,7 @@ class ScenarioTreeMPC(Component):
             None, gt=0, description="Greatest turn rate to plan with [rad/s]; that of the model if null."
         )
         integrator: Literal["exact", "rk4", "euler"] = Field(
-            "euler", description="How the own motion is predicted; best as the world moves."
+            "euler", description="Integration method of the own motion; best that of the world."
         )
         solver: Literal["fatrop", "ipopt", "recorded"] = Field(
             "fatrop",
@@ -143,7 +143,7 @@ class ScenarioTreeMPC(Component):
             "scaling and with the settings of the published runs.",
         )
         iterations: int = Field(
-            300, ge=1, le=100_000, description="The most iterations of a solver from one guess; there are up to nine."
+            300, ge=1, le=100_000, description="Iteration limit of a solver from one guess; there are up to nine."
         )
 
     def check(self, group: AgentGroup) -> None:

@@ -17,7 +17,7 @@ class Fallbacks(Metric):
         self.subscribe("fell-back", self._on_fall_back)
 
     def value(self) -> int:
-        """Return how many there were."""
+        """Return their number."""
         return self._count
 
     def _on_fall_back(self, event: Event) -> None:

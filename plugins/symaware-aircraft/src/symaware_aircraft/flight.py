@@ -58,9 +58,9 @@ class DubinsFlight(Controller):
             "in whole steps, as the published runs of the case study did.",
         )
         turn_noise: float = Field(
-            0.0, ge=0, description="The most that chance adds to the turn rate in a step, to either side [rad/s]."
+            0.0, ge=0, description="Greatest random change of the turn rate in a step, to either side [rad/s]."
         )
-        turn_bias: float = Field(0.0, description="What is added to the turn rate in every step [rad/s].")
+        turn_bias: float = Field(0.0, description="Constant that is added to the turn rate in every step [rad/s].")
 
     def check(self, group: AgentGroup) -> None:
         """Check that the agents are aircraft, and that the waypoint is a pose."""

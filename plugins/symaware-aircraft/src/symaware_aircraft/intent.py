@@ -83,13 +83,13 @@ class Intent(CommunicationReceiver):
 
         source: Literal["communication", "straight"] = Field(
             "communication",
-            description="Where intents come from: what others tell, or the assumption of straight flight.",
+            description="Source of intents: messages of others, or the assumption of straight flight.",
         )
         speed: float = Field(10.0, gt=0, description="Speed at which others fly [m/s].")
         turn_rate: float = Field(0.07, gt=0, description="Turn rate of their planned arcs, to either side [rad/s].")
-        horizon: int = Field(30, ge=1, le=10_000, description="How far ahead an intent reaches, in steps of the world.")
+        horizon: int = Field(30, ge=1, le=10_000, description="Length of an intent, in steps of the world.")
         sampling: Sampling = Field(
-            "mean", description="How turn rates follow from the path; `symaware show aircraft.dubins` says it."
+            "mean", description="How turn rates follow from the path; see `symaware show aircraft.dubins`."
         )
 
     def check(self, group: AgentGroup) -> None:
@@ -118,7 +118,7 @@ class Intent(CommunicationReceiver):
         for id in [id for id in database if id != self.agent.id]:
             world = database.world
             if world is not None and id in world.roster:
-                motion, pose = world.motion(id), as_pose(world.state(id), f"what is perceived of `{id}`")
+                motion, pose = world.motion(id), as_pose(world.state(id), f"the perceived state of `{id}`")
             else:
                 perceived = database.perceived(id)
                 motion = database[id].state if perceived is None else perceived
@@ -129,7 +129,7 @@ class Intent(CommunicationReceiver):
     def _hear(self, message: Message) -> None:
         """Make a flight plan from a message, unless the waypoint is unchanged."""
         sender, waypoint = message.sender, message.payload["waypoint"]
-        told = as_pose(waypoint, f"the waypoint that {sender} told")
+        told = as_pose(waypoint, f"the waypoint sent by {sender}")
         plan = self._plans.get(sender)
         if plan is None or plan.waypoint != tuple(told.tolist()):
             self._plan(sender, told, message.payload["state"], message.sent_time)

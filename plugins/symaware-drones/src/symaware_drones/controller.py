@@ -39,14 +39,14 @@ _CLIMB = 0.5
 
 
 class _Round:
-    """A round: what a drone knew at its start, and how far it has come.
+    """A round: the data of a drone at its start, and its progress.
 
     Attributes:
         number: Its number, the same for all drones.
         own: The barrier of its own tasks; None where none is in force.
         edges: The barrier towards each neighbour, with the gradient with respect to its own position.
         apart: The constraints by which it keeps its distance from others.
-        gamma: Which share of the inputs the neighbours that it follows leave to it; None before they were heard.
+        gamma: The share of the inputs that the tasks with its leaders leave to it; None before their messages.
         wanted: The same before it is limited to [0, 1].
         is_done: Whether the control input is chosen.
     """
@@ -70,32 +70,32 @@ class _Round:
 class BarrierController(CommunicationReceiver):
     """Satisfies spatio-temporal tasks of drones and of pairs of drones by barrier functions, in a decentralised way.
 
-    The tasks are specifications of the scenario (`symaware_drones.tasks_of` says of which form). Each drone knows the
-    names of its own ones, by itself and with its neighbours, as the knowledge `tasks`, and of no others. It evaluates
-    the barriers of its own tasks and of those with its neighbours in the task graph, which must be a forest; leaders
-    are those that `drones.leaders` decided. Every sampling period is a round:
+    The tasks are specifications of the scenario (see `symaware_drones.tasks_of` for their form). Each drone knows the
+    names of its own tasks, alone and with neighbours, as the knowledge `tasks`, and no others. It evaluates the
+    barriers of its own tasks and of those with its neighbours in the task graph, which must be a forest;
+    `drones.leaders` determines the leaders. Every sampling period is a round:
 
-    1. A leader j sends best_j, the fastest growth of the barrier b that it can bring about: the maximum of
-       grad_j b . u over gamma_j U. Drones that follow nobody have gamma = 1.
+    1. A leader j sends best_j, the fastest growth of the barrier b that it can achieve: the maximum of
+       grad_j b . u over gamma_j U. Drones without a leader have gamma = 1.
     2. A follower i has w = min over U of grad_i b . u, the worst that it can do. It may use the share
        gamma_ij = -(best_j + alpha(b) + db/dt - nu) / w of its inputs, and so uses gamma_i, the least of these, limited
        to [0, 1].
-    3. It tells each leader epsilon = gamma_i w.
+    3. It sends each leader epsilon = gamma_i w.
     4. Each drone chooses the smallest input in gamma U such that, as a leader, grad_j b . u >= -db/dt - alpha(b) -
-       epsilon + nu, and for its own tasks the same without epsilon. Where that is impossible, it comes as close as it
-       can, the former first, and fires `relaxed`.
+       epsilon + nu, and for its own tasks the same without epsilon. If that is impossible, it violates them as little
+       as possible, the former first, and fires `relaxed`.
 
-    What is said in one step of the world is read in the next, so a round takes some steps. The states are those of its
-    start; the control input is held until the next one is known. A drone that has not heard its neighbours by the end
-    of a round uses what it heard last, for at most `patience` rounds; then it neglects a leader that is silent
+    A message sent in one step of the world is read in the next, so a round takes several steps. The states are those of
+    its start; the control input is held until the next one is known. A drone without messages of its neighbours by the
+    end of a round uses their last ones, for at most `patience` rounds; then it neglects a leader that is silent
     (`unheard`), and stands still if the follower is silent (`unanswered`).
 
-    With a `separation` each drone also keeps its distance from all that it perceives, whatever its tasks are. For each
-    other at the distance d in the direction -n, its input satisfies n . u >= -lambda (d - separation) / 2; if both do
-    so, the distance never falls below the separation. As u = 0 satisfies all of this, tasks are relaxed where they
-    contradict it.
+    With a `separation` each drone also keeps its distance from all others that it perceives, regardless of its tasks.
+    For each other at the distance d in the direction -n, its input satisfies n . u >= -lambda (d - separation) / 2; if
+    both do so, the distance never falls below the separation. As u = 0 satisfies all of this, tasks are relaxed where
+    they contradict it.
 
-    nu covers that inputs are held: for single integrators nu = l1 V T, with l1 = eta V + lambda for own tasks and
+    nu compensates for inputs being held: for single integrators nu = l1 V T, with l1 = eta V + lambda for own tasks and
     (2 eta V + lambda) 2 for tasks of pairs.
     """
 
@@ -103,11 +103,11 @@ class BarrierController(CommunicationReceiver):
     specifications = "tasks"
     specifications_of_others = True
     events: ClassVar[Mapping[str, str]] = {
-        "margin": "The margin nu in force, and the one that the sampling period asks for; fired once.",
+        "margin": "The margin nu in force, and the one that the sampling period requires; fired once.",
         "relaxed": "No input satisfies a constraint, which is relaxed; fired when that begins.",
-        "unheard": "Nothing was heard for too long from a drone that leads this one, which neglects its tasks.",
-        "unanswered": "Nothing was heard for too long from the drone that this one leads, and so it stands still.",
-        "heard-again": "A neighbour is heard again.",
+        "unheard": "No message arrived for too long from the leader of this drone, which neglects its tasks.",
+        "unanswered": "No message arrived for too long from the follower of this drone, which stands still.",
+        "heard-again": "Messages of a neighbour arrive again.",
     }
 
     class Parameters(Parameters):
@@ -115,13 +115,13 @@ class BarrierController(CommunicationReceiver):
 
         tasks: list[str] = Field(min_length=1, description="The specifications that are tasks, of all drones.")
         sampling: float = Field(0.01, gt=0, description="T: the time between two rounds [s].")
-        speed: float = Field(3.0, gt=0, description="V: inputs are those in a regular polygon of this radius [m/s].")
+        speed: float = Field(3.0, gt=0, description="V: radius of the regular polygon of inputs [m/s].")
         sides: int = Field(20, ge=4, le=100, multiple_of=2, description="The number of its sides.")
         gain: float = Field(5.0, gt=0, description="lambda: alpha(b) = lambda b, for b >= 0 [1/s].")
         gain_below: float | None = Field(None, ge=0, description="The same for b < 0; equal to `gain` if null [1/s].")
         eta: float = Field(20.0, gt=0, description="Sharpness of the smooth minimum over faces [1/m].")
         margin: float | Literal["full"] = Field(
-            0.0, description="nu [m/s]; `full` for what the sampling period asks for, which long ones do not allow."
+            0.0, description="nu [m/s]; `full` for the one that the sampling period requires, which must be short."
         )
         activation: Activation = Field(
             "sequence",
@@ -129,18 +129,22 @@ class BarrierController(CommunicationReceiver):
             "or `start`, all at the beginning.",
         )
         beginning: Beginning = Field(
-            "latest", description="When tasks begin that are to begin within an interval (`eventually`)."
+            "latest", description="Beginning of tasks that may begin within an interval (`eventually`)."
         )
         clearance: float = Field(0.1, gt=0, description="The least value of a barrier at its activation [m].")
         shrinkage: float = Field(
-            0.0, ge=0, description="How far the faces of all polygons are moved inwards, for errors of tracking [m]."
+            0.0,
+            ge=0,
+            description="Distance by which the faces of all polygons are moved inwards, for tracking errors [m].",
         )
-        patience: int = Field(5, ge=1, description="After how many rounds without a message a neighbour is silent.")
+        patience: int = Field(
+            5, ge=1, description="Number of rounds without a message after which a neighbour counts as silent."
+        )
         separation: float | None = Field(
             None,
             gt=0,
             description="The least distance to keep from the centres of all drones that are perceived [m], before all "
-            "tasks: a barrier d - separation, of whose growth each of the two takes half. None is kept if null.",
+            "tasks: a barrier d - separation, each of the two provides half of its growth. None is kept if null.",
         )
         tracked: bool = Field(
             False,
@@ -211,7 +215,7 @@ class BarrierController(CommunicationReceiver):
 
     @property
     def full_margins(self) -> tuple[float, float]:
-        """The margins that the sampling period asks for, for own tasks and for those of pairs [m/s]."""
+        """The margins that the sampling period requires, for own tasks and for those of pairs [m/s]."""
         parameters, bend = self.parameters, self.parameters.eta * self.parameters.speed
         per_speed = parameters.speed * parameters.sampling
         return (bend + parameters.gain) * per_speed, (2.0 * bend + parameters.gain) * 2.0 * per_speed
@@ -345,7 +349,7 @@ class BarrierController(CommunicationReceiver):
         current.is_done = True
 
     def _follow(self, current: _Round) -> None:
-        """Determine the share of the inputs that is left, and tell the leaders what it means for them."""
+        """Determine the remaining share of the inputs, and send the leaders its effect on their tasks."""
         wanted, margin = math.inf, self.margins[1]
         worst: dict[str, float] = {}
         for id in self._children:

@@ -1,4 +1,4 @@
-"""Leaders: which drone of each task between two leads, decided by token passing on the task graph."""
+"""Leaders: the leading drone of each task of two, decided by token passing on the task graph."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ LEADS = Signal("leads", "table", [Quantity("agent", "1")], drawn="links", descri
 class Leaders(CommunicationReceiver):
     """Decides by messages between neighbours in the task graph which of them leads.
 
-    A drone with exactly one undecided edge takes the lead of it and says so; the other end, which follows, confirms. So
-    leaders are decided from the leaves of each tree to its root, which leads nobody. If both ends of the last edge take
-    the lead at the same time, the one that comes first in the roster follows. What is not confirmed is said again at
-    each turn; after `patience` the edge is given up, and its tasks are not pursued.
+    A drone with exactly one undecided edge takes the lead of it and announces this; the other end, the follower,
+    confirms. So leaders are decided from the leaves of each tree to its root, which has no follower. If both ends of
+    the last edge take the lead at the same time, the one that comes first in the roster follows. Unconfirmed
+    announcements are repeated at each turn; after `patience` the edge is given up, and its tasks are not pursued.
 
     It writes the knowledge `edges`: ``leader`` or ``follower`` by the id of the neighbour, once all are decided.
     """
@@ -57,7 +57,7 @@ class Leaders(CommunicationReceiver):
         """The tasks."""
 
         tasks: list[str] = Field(min_length=1, description="The specifications that are tasks, of all drones.")
-        patience: float = Field(0.5, gt=0, description="How long to wait for neighbours [s].")
+        patience: float = Field(0.5, gt=0, description="Longest wait for neighbours [s].")
 
     @property
     def kinds(self) -> Collection[str]:

@@ -12,10 +12,10 @@ from symaware_drones.controller import ROUND
 
 
 class RoundShare(Metric):
-    """The share of an agent's instants, from its first round on, at which something is so in its last round."""
+    """The share of an agent's instants, from its first round on, at which a condition holds in its last round."""
 
     class Parameters(Parameters):
-        """Whose rounds, and what."""
+        """The agent, the component and the condition."""
 
         agent: str = Field(description="The id of the agent.")
         component: str = Field("steer", description="The name of its `drones.barrier`.")

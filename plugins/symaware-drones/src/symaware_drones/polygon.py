@@ -40,7 +40,7 @@ def clipped(corners: Corners, x: float, y: float, offset: float, tolerance: floa
         x: First element of the normal a.
         y: Second element of the normal a.
         offset: The offset d.
-        tolerance: How far beyond the offset a corner still counts as inside.
+        tolerance: The distance beyond the offset up to which a corner counts as inside.
     """
     kept: list[Corner] = []
     excess = [x * corner[0] + y * corner[1] - offset for corner in corners]

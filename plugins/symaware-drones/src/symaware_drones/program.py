@@ -28,7 +28,7 @@ class Constraint(NamedTuple):
     """x u_x + y u_y >= bound.
 
     Attributes:
-        name: What it is about.
+        name: The name of its subject.
         x: The factor of the first element of the input.
         y: The factor of the second.
         bound: The least value.
@@ -63,13 +63,13 @@ class Inputs:
         """Return the input with the least norm.
 
         Args:
-            share: Which share of U may be used, gamma.
-            constraints: What is to hold, the most important first; at most two.
-            apart: What is to hold before all of them; 0 satisfies it. What it does not is left out.
+            share: The share of U that may be used, gamma.
+            constraints: The constraints, the most important first; at most two.
+            apart: Constraints with precedence over these; 0 satisfies them. Those that it violates are left out.
 
         Returns:
-            The input; and the name of each constraint that had to be relaxed, with how much it fails by. The first is
-            relaxed only as far as it cannot hold by itself, or besides `apart`.
+            The input; and the name of each constraint that had to be relaxed, with its violation. The first is relaxed
+            only as far as it cannot hold by itself, or besides `apart`.
         """
         relaxed: dict[str, float] = {}
         wanted = []
@@ -115,13 +115,13 @@ class Inputs:
     def _solve(
         self, share: float, gradients: Array, bounds: Array, wanted: int, may_all_yield: bool
     ) -> tuple[Corner, Array] | None:
-        """Return the smallest input, and by how much each of the last constraints fails; None if there is none.
+        """Return the smallest input, and the violation of each of the last constraints; None if there is none.
 
         Args:
-            share: Which share of U may be used.
+            share: The share of U that may be used.
             gradients: The constraints; shape (n, 2).
             bounds: Their bounds; shape (n,).
-            wanted: How many of them, the last ones, may yield.
+            wanted: The number of constraints, the last ones, that may be violated.
             may_all_yield: Whether all of these may, or only the last one.
         """
         rows = np.concatenate([self._normals, gradients])

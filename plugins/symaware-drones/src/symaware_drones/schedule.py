@@ -23,7 +23,7 @@ class ScheduledTask:
         task: The task.
         activation: When its barrier comes into force, t0 [ns].
         start: When the drone is to be in the polygon, t_s [ns].
-        end: Until when, t_e [ns].
+        end: The end of this interval, t_e [ns].
         faces: For each face the outward normal (two elements), the offset and the width at activation g0 [m].
     """
 
@@ -64,10 +64,11 @@ class Schedule:
             tasks: All tasks.
             positions: The initial position of each agent [m].
             activation: When barriers come into force: each as the last task before it ends, or all at the start.
-            beginning: When tasks begin that are to begin within an interval.
+            beginning: The beginning of tasks that may begin within an interval.
             clearance: The least value of a barrier at its activation [m], as long as the task before it holds; if all
-                come into force at the start, as long as the drone is where it is or where an earlier task asks for.
-            shrinkage: How far all faces are moved inwards [m].
+                come into force at the start, as long as the drone is at its position or where an earlier task requires
+                it.
+            shrinkage: The distance by which all faces are moved inwards [m].
         """
         by_agents: dict[tuple[str, ...], list[tuple[int, int, Task]]] = {}
         for task in tasks:

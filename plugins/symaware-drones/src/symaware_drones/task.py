@@ -1,4 +1,4 @@
-"""Tasks: what the specifications of a scenario ask of one drone, or of one drone relative to another."""
+"""Tasks: requirements of the specifications of a scenario on one drone, or on one drone relative to another."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def tasks_of(specification: Specification, order: Mapping[str, int]) -> Iterator
         order: The index in the roster of each agent.
 
     Raises:
-        ValueError: It is of another form; the message names the part that is.
+        ValueError: It is of another form; the message names that part.
     """
     if specification.automaton is not None:
         raise ValueError("tasks are formulas of signal temporal logic")
@@ -131,7 +131,7 @@ def _region(predicate: Call, specification: Specification) -> Region:
     if region.polygon is None and (region.box is None or len(region.box) != 4):
         raise ValueError(f"the region `{name.name}` is no polygon and no box in the plane")
     if region.around is not None and region.turns:
-        raise ValueError(f"the region `{name.name}` turns with {region.around}; say `turns: false`")
+        raise ValueError(f"the region `{name.name}` turns with {region.around}; set `turns: false`")
     return region
 
 

@@ -1,4 +1,4 @@
-"""What the components of this package know of the agents and of their tasks."""
+"""Functions about agents and their tasks, shared by the components of this package."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def check_known(tasks: Sequence[Task], groups: Sequence[AgentGroup]) -> None:
 
 
 def tasks_of_agent(agent: Agent, order: Mapping[str, int]) -> list[Task]:
-    """Return the tasks of which an agent knows."""
+    """Return the tasks that an agent knows."""
     specifications = agent.group.specifications
     tasks = [
         task for name in agent.self_knowledge["tasks"] for task in tasks_in(specifications[name].specification, order)

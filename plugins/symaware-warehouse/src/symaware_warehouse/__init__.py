@@ -1,4 +1,4 @@
-"""Risk-aware dynamic task allocation: specifications with a bound of their risk, planned for with tubes."""
+"""Risk-aware dynamic task allocation: plans with tubes for specifications with bounded risk."""
 
 from symaware_warehouse.planner import Bid, Commitment, PlannedTube, Planner, Progress
 from symaware_warehouse.tube import Tube

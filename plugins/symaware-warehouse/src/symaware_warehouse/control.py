@@ -1,4 +1,4 @@
-"""The controller: it plans, follows its plan, and says what more specifications would cost."""
+"""The controller: plans, follows its plan, and bids the cost of further specifications."""
 
 from __future__ import annotations
 
@@ -40,14 +40,14 @@ class TubeDecision:
 
     Attributes:
         control_input: The control input to request; shape (2,).
-        progress: What was done so far, the present included.
+        progress: The progress up to the present step.
         plan: The plan to follow; None if there is none.
         is_new: Whether it was made in this turn.
-        starts: The steps at which the specifications begin that the robot has to satisfy, by name.
+        starts: The first steps of the specifications that the robot has to satisfy, by name.
         required: Those of them that are not decided.
         answered: Marks of the offers that bids were made for.
-        bids: New bids, and since when the offer is open [s]; by name of the specification.
-        risk: The risk of all that was accepted.
+        bids: New bids, and the time from which the offer is open [s]; by name of the specification.
+        risk: The risk of all accepted specifications.
     """
 
     control_input: Array
@@ -64,27 +64,28 @@ class TubeDecision:
 class TubeControl(Component):
     """Satisfies the specifications that a robot has accepted, each with a probability of at least 1 - epsilon.
 
-    The robot is x+ = x + u + w with normal w. A plan up to the end of the horizon has a tube: at each step to come the
-    robot is with some probability within a radius of it, and whatever a specification needs holds everywhere in there
-    (`symaware_warehouse.Planner`). The plan is a mixed-integer program. Its alternatives (which region when, on which
-    side of a wall) are searched for when the robot has accepted something or something is decided, and otherwise kept:
-    the plan begins anew at each step, where the robot is. If there is no plan, the last one is followed with the
-    feedback that the tube is made for.
+    The robot is x+ = x + u + w with normal w. A plan up to the end of the horizon has a tube: at each future step the
+    robot is with some probability within a radius of the plan, and the predicates that a specification needs hold
+    everywhere in the tube (`symaware_warehouse.Planner`). The plan is a mixed-integer program. Its alternatives (which
+    region when, on which side of a wall) are searched when the robot has accepted a specification or one is decided,
+    and otherwise kept: each step has a new plan, from the position of the robot. Without a plan, the last one is
+    followed with the feedback that the tube is designed for.
 
-    With a `step` the plan is one of positions for a robot with another model, such as a differential drive, which
-    `warehouse.track` moves along the straight ways between them. Then what a specification asks for holds on these
-    ways, too, and by `margin` beyond the tube.
+    With a `step` the plan consists of positions for a robot with another model, such as a differential drive, which
+    `warehouse.track` moves along the straight lines between them. Then the predicates hold on these lines, too, and by
+    `margin` beyond the tube.
 
-    The specifications are those of the scenario that are in force by themselves, and those that are offered and that a
-    component such as `allocation.nearest` or an auction accepts. One that is offered is bound to its epsilon.
+    The specifications are those of the scenario that are in force by themselves, and offered ones that a component such
+    as `allocation.nearest` or an auction accepts. The risk of an offered one is at most its epsilon.
 
-    Its risk is the sum of the risks of all that it has accepted, each over its steps so far and to come. The plan is
-    the intent, and the tube is its uncertainty: the `radius`, and the covariance of which a replay draws that circle.
+    The risk of the robot is the sum of the risks of its accepted specifications, each over its past and future steps.
+    The plan is the intent, and the tube is its uncertainty: the `radius`, and the covariance that a replay draws as
+    this circle.
 
-    For each specification that it was told is offered, the knowledge `bids` says by name what it would cost to accept
-    that: the `cost`, the least risk to come of all that the robot would have then, or null if there is no plan with it;
-    `since`, as of the offer, and `at`, when the bid was made [s]. Bids are made again when the robot has accepted
-    something. `allocation.auction` reads them, with `bids: bids`.
+    For each offered specification that it knows, the knowledge `bids` has, by name, the cost of accepting it: `cost`,
+    the least future risk of all specifications that the robot would then have, or null if there is no plan with it;
+    `since`, from the offer, and `at`, the time of the bid [s]. Bids are renewed when the robot has accepted a
+    specification. `allocation.auction` reads them, with `bids: bids`.
     """
 
     specifications = "specifications"
@@ -96,14 +97,13 @@ class TubeControl(Component):
         ),
     )
     events: ClassVar[Mapping[str, str]] = {
-        "planned": "A search has found a plan: its `cost`, and by how much the best may be better, `gap`.",
-        "bid": "The robot says what specifications would cost: `costs` by name, null where there is no plan, and why: "
-        "`reasons`.",
-        "infeasible": "There is no plan; the last one is followed, with feedback. Once until there is a plan again.",
+        "planned": "A search has found a plan: its `cost`, and the greatest possible improvement, `gap`.",
+        "bid": "The robot bids: `costs` of specifications by name, null without a plan, with `reasons`.",
+        "infeasible": "There is no plan; the last one is followed, with feedback. Fired once until there is one.",
     }
 
     class Parameters(PlanParameters):
-        """What to plan for, and how."""
+        """The specifications to plan for, and the settings of plans."""
 
     def check(self, group: AgentGroup) -> None:
         """Check that the model is x+ = x + u + w with limited u and known noise, or that a plan can be made without."""
@@ -242,7 +242,7 @@ class TubeControl(Component):
     # Specifications
 
     def _all_starts(self, step: int) -> dict[str, int]:
-        """Return when the specifications begin that are in force for the robot; steps count from its own beginning."""
+        """Return the first steps of the specifications in force for the robot, counted from its own beginning."""
         agent = self._agent
         statuses = agent.specifications
         names = [name for name in self.parameters.specifications if name in statuses]
@@ -258,10 +258,10 @@ class TubeControl(Component):
         return max(0, place)
 
     def _commitments(self, starts: Mapping[str, int], step: int) -> tuple[list[Commitment], list[Commitment]]:
-        """Return all that the robot has to satisfy, and what is not decided of it.
+        """Return the specifications that the robot has to satisfy, and the undecided ones among them.
 
         One that is violated already, and was not offered, is required again from the present on: a robot that was in a
-        wall goes on to avoid walls.
+        wall still avoids walls.
         """
         statuses = self._agent.specifications
         accepted, required = [], []
@@ -287,7 +287,7 @@ class TubeControl(Component):
         return Commitment.of(specification, group.model, group.regions, start, epsilon, every)
 
     def _others(self) -> Sequence[ToldTube]:
-        """Return the plans of which robots with a lower index told, if this robot is to stay apart from them."""
+        """Return the received plans of robots with a lower index, if this robot is to stay apart from them."""
         if self.parameters.separation is None:
             return ()
         agent = self._agent
@@ -300,7 +300,7 @@ class TubeControl(Component):
     # Bids
 
     def _unanswered(self, required: Sequence[Commitment]) -> tuple[tuple[str, ...], Mapping[str, float]]:
-        """Return marks of the offers that there are, and since when those are open that need a new bid [s]."""
+        """Return marks of the present offers, and the times from which those that need a new bid are open [s]."""
         if not self.parameters.bids:
             return (), {}
         offers = self._agent.offers

@@ -13,7 +13,7 @@ from symaware_cli import Agent, AgentGroup, AwarenessDatabase, Component, Knowle
 
 
 class RecordedDisturbance(Component):
-    """Adds to the control input what disturbed the robots of a published run.
+    """Adds the disturbances of the robots of a published run to the control input.
 
     Put it after the controller. For a model x+ = x + u, with a limit of u that leaves room for it, that is the same as
     x+ = x + u + w. The disturbances are those that ``numpy.random.seed(seed)`` and then, for each robot in the order of
@@ -24,7 +24,7 @@ class RecordedDisturbance(Component):
         """The generator."""
 
         seed: int = Field(3, ge=0, lt=2**32, description="The seed of NumPy's legacy generator.")
-        steps: int = Field(40, ge=1, le=100_000, description="For how many steps each robot is disturbed.")
+        steps: int = Field(40, ge=1, le=100_000, description="Number of steps with disturbances of each robot.")
         deviation: float = Field(
             0.1,
             ge=0,

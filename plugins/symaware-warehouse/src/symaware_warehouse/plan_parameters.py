@@ -14,23 +14,25 @@ from symaware_warehouse.tube import Tube, TubeKind
 
 
 class PlanParameters(Parameters):
-    """What a robot plans for, and how."""
+    """The specifications that a robot plans for, and the settings of plans."""
 
     specifications: list[str] = Field(
         min_length=1, description="The specifications to satisfy: those in force, and those that may be accepted."
     )
-    horizon: float = Field(40.0, gt=0, description="The instant up to which is planned [s].")
+    horizon: float = Field(40.0, gt=0, description="End of the planning horizon [s].")
     tube: TubeKind = Field(
         "chebyshev", description="The bound of the risk of a radius: `chebyshev` for any error, or `gaussian`."
     )
-    least_risk: float = Field(0.01, gt=0, lt=0.6, description="beta: the risk that each step has at least.")
+    least_risk: float = Field(0.01, gt=0, lt=0.6, description="beta: the least risk of each step.")
     greatest_radius: float | None = Field(
         None,
         gt=0,
         description="The greatest radius of a tube [m], whatever its risk: then robots with more noise have a higher "
         "risk. If null, the radius of `least_risk`, which is wider for robots with more noise.",
     )
-    chords: int = Field(1, ge=1, le=20, description="How many chords approximate the bound of the risk from above.")
+    chords: int = Field(
+        1, ge=1, le=20, description="Number of chords that approximate the bound of the risk from above."
+    )
     feedback: float = Field(
         0.6180339887498949, gt=0, lt=2, description="K: the error e of a plan becomes (1 - K) e + w in a step."
     )
@@ -47,10 +49,10 @@ class PlanParameters(Parameters):
         "`max_input` have that one.",
     )
     energy: float = Field(0.001, ge=0, description="Cost of the square of each element of u [1/m^2].")
-    tangents: int = Field(3, ge=3, le=101, description="Of how many tangents these squares consist in a search.")
-    gap: float = Field(0.05, ge=0, description="By how much a plan may cost more than the best.")
+    tangents: int = Field(3, ge=3, le=101, description="Number of tangents that approximate these squares in a search.")
+    gap: float = Field(0.05, ge=0, description="Greatest excess of the cost of a plan over the best one.")
     nodes: int = Field(5_000, ge=1, description="Limit of a search: the nodes of its tree.")
-    bids: bool = Field(True, description="Whether to bid on what is offered.")
+    bids: bool = Field(True, description="Whether to bid on offered specifications.")
     step: float | None = Field(
         None,
         gt=0,
@@ -61,21 +63,21 @@ class PlanParameters(Parameters):
     margin: float = Field(
         0.0,
         ge=0,
-        description="By how much specifications hold beyond the tube [m]: for the body, and for how far the robot "
-        "is from the straight way between two steps.",
+        description="Margin by which specifications hold beyond the tube [m]: for the body, and for deviations from "
+        "the straight line between two steps.",
     )
     separation: float | None = Field(
         None,
         ge=0,
-        description="By how much its tube and those of robots of its group with a lower index are apart [m], along "
-        "x or along y, if they told it their plans: `communication.broadcast` and `communication.inbox` do. By "
+        description="Distance between its tube and those of robots of its group with a lower index [m], along x or "
+        "along y, if they send it their plans: by `communication.broadcast` and `communication.inbox`. By "
         "default the robots do not avoid each other.",
     )
     notice: float = Field(
         0.0,
         ge=0,
-        description="How much later than its bid the robot has to reckon with acceptance [s]. The bid is about a "
-        "robot that follows its present plan until then.",
+        description="Time from a bid to its possible acceptance [s]. The bid assumes that the robot follows its "
+        "present plan until then.",
     )
 
     def planner(self, group: AgentGroup, row: int, step: float, origin: int) -> Planner:
@@ -134,7 +136,7 @@ class PlanParameters(Parameters):
         )
 
     def every(self, time_step: int) -> int:
-        """Return how many steps of the world, in nanoseconds, a step of the plan takes.
+        """Return the number of steps of the world, in nanoseconds, in a step of the plan.
 
         Raises:
             ValueError: It is not a whole number.

@@ -1,4 +1,4 @@
-"""Planners: robust plans of one robot for the specifications that it has accepted, and what one more would cost."""
+"""Planners: robust plans of one robot for the specifications that it has accepted, and the cost of one more."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ Array: TypeAlias = NDArray[np.float64]
 #: How often a plan is made again with the alternatives that it chooses itself: it may come by better ones.
 _POLISHES = 3
 
-#: By how much less a plan must cost to be made again.
+#: The least reduction of the cost for which a plan is made again.
 _WORTH = 1e-4
 
-#: How a plan came about: by a search, or with the alternatives of the last plan.
+#: The way in which a plan was found: by a search, or with the alternatives of the last plan.
 PlanStatus = Literal["searched", "followed"]
 
 
@@ -46,7 +46,7 @@ class Commitment(NamedTuple):
         formulation: Its formula, in steps of the plan.
         sets: Of each predicate the states in which it holds, and those in which its negation does.
         start: The step at which it begins.
-        epsilon: The most that the risk of its steps may add up to; None for no limit.
+        epsilon: The bound of the sum of the risks of its steps; None for no limit.
     """
 
     name: str
@@ -65,16 +65,16 @@ class Commitment(NamedTuple):
         epsilon: float | None,
         every: int = 1,
     ) -> Commitment:
-        """Return what a specification commits an agent to, from a step on.
+        """Return the commitment of an agent to a specification, from a step on.
 
         Args:
             specification: The specification.
             model: The model.
             regions: The regions by name.
             start: The step of the plan at which it begins.
-            epsilon: The most that the risk of its steps may add up to; None for no limit.
-            every: How many steps of the world a step of the plan takes. Above 1, what holds at the steps of the plan
-                holds on straight ways between them, too.
+            epsilon: The bound of the sum of the risks of its steps; None for no limit.
+            every: The number of steps of the world in a step of the plan. Above 1, predicates that hold at the steps of
+                the plan hold on the straight lines between them, too.
 
         Raises:
             ValueError: A predicate is not linear in the state of the model, or in the position if there are steps in
@@ -103,7 +103,7 @@ class Commitment(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Progress:
-    """What a robot has done so far.
+    """The progress of a robot.
 
     Attributes:
         states: The measured states at the steps 0 to k; shape (k + 1, 2).
@@ -124,11 +124,11 @@ class Progress:
         return len(self.states) - 1
 
     def after(self, state: Array, risk: float) -> Progress:
-        """Return the progress one step later, with the state that was measured then and the risk that was taken."""
+        """Return the progress one step later, with the state measured then and the risk taken."""
         return Progress(np.concatenate([self.states, state[None]]), np.append(self.risks, risk))
 
     def along(self, plan: PlannedTube | None, steps: int) -> Progress:
-        """Return the progress some steps later if a plan is followed without errors; without a plan, none is made."""
+        """Return the progress some steps later if a plan is followed without errors; unchanged without a plan."""
         progress = self
         if plan is None:
             return progress
@@ -142,14 +142,14 @@ class PlannedTube:
     """A plan with its tube, from a step on.
 
     Attributes:
-        status: How it came about.
+        status: The way in which it was found.
         start: The step k at which it begins.
         positions: The positions at the steps from k to N; shape (N - k + 1, 2) [m].
         inputs: The control inputs from k to N - 1; shape (N - k, 2) [m].
         radii: The radii of the tube at the steps from k to N, 0 at k; shape (N - k + 1,) [m].
         risks: The risks of the steps from k to N, 0 at k; shape (N - k + 1,).
         cost: The sum of the risks and of the weighted squares of the control inputs.
-        bound: No plan costs less, as far as the search could tell.
+        bound: The lower bound of the cost of all plans that the search found.
     """
 
     status: PlanStatus
@@ -170,18 +170,18 @@ class PlannedTube:
         return float(self.risks[step - self.start])
 
     def input_at(self, step: int, state: Array, feedback: float) -> Array:
-        """Return the control input at a later step, with feedback from the position that was planned for it."""
+        """Return the control input at a later step, with feedback from the planned position."""
         place = step - self.start
         found: Array = self.inputs[place] - feedback * (state - self.positions[place])
         return found
 
 
 class Bid(NamedTuple):
-    """What it would cost to accept a specification.
+    """The cost of accepting a specification.
 
     Attributes:
-        cost: The least risk to come of all that the robot would have accepted then; None if there is no plan.
-        status: As of `SpecificationPlan`.
+        cost: The least future risk of all specifications then accepted; None if there is no plan.
+        status: As in `SpecificationPlan`.
     """
 
     cost: float | None
@@ -192,24 +192,24 @@ class Bid(NamedTuple):
 class Planner:
     """Plans for one robot, x+ = x + u + w, up to a last step; it keeps nothing between two calls.
 
-    A plan has a tube: at each step to come the robot may be anywhere within a radius, which is a variable of the
-    program, and each predicate in use holds everywhere in there. The risk of a step bounds the probability that the
-    robot is not in its tube (`Tube`). The risks of the steps of an accepted specification, so far and to come, add up
-    to at most its epsilon; then it fails with at most that probability. What past steps have used up leaves at least
-    the least risk for each step to come, so that it makes nothing infeasible; the excess is in the recorded risk. What
-    needs more than its epsilon even so is not bid on.
+    A plan has a tube: at each future step the robot may be anywhere within a radius, which is a variable of the
+    program, and each predicate in use holds everywhere in this circle. The risk of a step bounds the probability that
+    the robot is not in its tube (`Tube`). The risks of the past and future steps of an accepted specification add up to
+    at most its epsilon; then it fails with at most that probability. Past steps count only as far as they leave the
+    least risk for each future step, so that they make no program infeasible; the excess is in the recorded risk. There
+    is no bid on a specification that needs more than its epsilon even so.
 
     Attributes:
         dynamics: The dynamics of a step.
         tube: The tube.
         steps: The last step, N.
         energy: The weight of the squares of the control inputs [1/m^2].
-        tangents: Of how many tangents these squares consist during a search.
-        gap: By how much a plan may cost more than the best.
-        tolerance: By how much the energy may exceed that of the program.
+        tangents: The number of tangents that approximate these squares during a search.
+        gap: The greatest excess of the cost of a plan over the best one.
+        tolerance: The greatest excess of the energy over that of the program.
         nodes: The limit of a search: the nodes of its tree.
-        margin: By how much predicates hold beyond the radius of the tube [m].
-        separation: By how much this robot's tube and those of which others told are apart, along x or along y [m].
+        margin: The margin by which predicates hold beyond the radius of the tube [m].
+        separation: The distance between this robot's tube and those received from others, along x or along y [m].
     """
 
     dynamics: LinearDynamics
@@ -224,10 +224,10 @@ class Planner:
     separation: float = 0.0
 
     def bid(self, offer: Commitment, accepted: Sequence[Commitment], progress: Progress) -> Bid:
-        """Return what it would cost to accept a specification.
+        """Return the cost of accepting a specification.
 
-        The cost is the least sum of the risks of the specifications that the robot would have then, each over its own
-        steps, from the present on. It is rounded to six decimals, so that bids which are equal are equal to the bit.
+        The cost is the least sum of the risks of the specifications that the robot would then have, each over its own
+        steps, from the present on. It is rounded to six decimals, so that equal bids are equal to the bit.
         """
         if not offer.is_possible(self.steps, self.tube):
             return Bid(None, "infeasible")
@@ -247,11 +247,11 @@ class Planner:
 
         Args:
             accepted: The specifications to satisfy.
-            progress: What was done so far.
+            progress: The progress so far.
             last: The last plan.
             event: Whether to search for the best alternatives; otherwise those of the last plan are kept, and a search
                 follows only if that is impossible.
-            others: The plans of other robots, from whose tubes that of this robot stays apart; bids do not count them.
+            others: The plans of other robots, from whose tubes that of this robot stays apart; bids ignore them.
         """
         program = _TubeProgram(self, accepted, progress)
         for other in others:

@@ -1,4 +1,4 @@
-"""Plans with tubes that other robots told of."""
+"""Plans with tubes that were received from other robots."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Array = NDArray[np.float64]
 
 
 class ToldTube(NamedTuple):
-    """The plan of another robot as it told of it: an intent with its tube.
+    """The plan received from another robot: an intent with its tube.
 
     Attributes:
         id: The robot.
@@ -29,14 +29,14 @@ class ToldTube(NamedTuple):
 
     @classmethod
     def of(cls, id: str, intent: TimeSeries, uncertainty: TimeSeries, step: int, origin: int) -> ToldTube | None:
-        """Return what an intent and an uncertainty of `warehouse.plan` tell; None if they do not belong together.
+        """Return the plan of an intent and an uncertainty of `warehouse.plan`; None if they do not belong together.
 
         Args:
             id: The robot.
             intent: Its intent.
             uncertainty: Its uncertainty, whose last column is the radius.
             step: The duration of a step [ns].
-            origin: The step at which steps of the plan are 0.
+            origin: The step of the world that is step 0 of plans.
         """
         times = intent.times
         if len(times) < 2 or not np.array_equal(times, uncertainty.times):
@@ -44,6 +44,6 @@ class ToldTube(NamedTuple):
         return cls(id, int(times[0] // step) - origin, intent.values, uncertainty.values[:, -1])
 
     def rest(self, step: int) -> tuple[Array, Array]:
-        """Return the positions and the radii from a step on; none if it is not known what happens then."""
+        """Return the positions and the radii from a step on; empty if unknown."""
         place = step - self.start
         return (self.positions[place:], self.radii[place:]) if place >= 0 else (self.positions[:0], self.radii[:0])

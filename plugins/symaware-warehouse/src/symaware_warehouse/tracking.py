@@ -26,12 +26,11 @@ class TrackingDecision(NamedTuple):
 
 
 class IntentTracking(Component):
-    """Moves a robot along its own intent, on straight ways from one planned position to the next.
+    """Moves a robot along its own intent, on straight lines from one planned position to the next.
 
-    The velocity that it asks the model for is that of the way, plus `gain` times the vector to the point on the way
-    where the robot should be. The feedback is proportional, so that a model with a heading, such as a differential
-    drive, leaves the way where that turns, and catches up. Put it after `warehouse.plan`. Without an intent the robot
-    stands still.
+    The requested velocity is that along the path, plus `gain` times the vector to the point on the path where the robot
+    should be. The feedback is proportional, so a model with a heading, such as a differential drive, leaves the path
+    where it turns, and catches up. Put it after `warehouse.plan`. Without an intent the robot stands still.
     """
 
     signals = (Signal("tracking", columns=[Quantity("error", "m")], description="how far the robot is from its plan"),)
@@ -40,9 +39,9 @@ class IntentTracking(Component):
         """The feedback."""
 
         gain: float = Field(2.0, gt=0, description="Velocity for each metre from the plan [1/s].")
-        max_speed: float = Field(8.0, gt=0, description="Greatest speed that is asked for [m/s].")
+        max_speed: float = Field(8.0, gt=0, description="Greatest requested speed [m/s].")
         lead: float = Field(
-            0.0, ge=0, description="How far ahead on the way the velocity is taken from [s], as turning takes time."
+            0.0, ge=0, description="Time ahead on the path at which the velocity is taken [s], as turning takes time."
         )
 
     def check(self, group: AgentGroup) -> None:
@@ -73,7 +72,7 @@ class IntentTracking(Component):
 
 
 def _at(times: NDArray[np.int64], values: Array, now: int) -> Array:
-    """Return the position on the way at an instant [ns]; beyond its ends, that at the end."""
+    """Return the position on the path at an instant [ns]; beyond its ends, that at the end."""
     since = (times - times[0]) / 1e9
     at = (now - int(times[0])) / 1e9
     return np.array([np.interp(at, since, column) for column in values.T])

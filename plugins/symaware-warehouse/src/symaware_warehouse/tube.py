@@ -25,7 +25,7 @@ class Tube:
         kind: ``chebyshev`` or ``gaussian``.
         variance: alpha [m^2].
         least: The least radius [m].
-        greatest: The greatest radius [m], of which the risk is the least that counts.
+        greatest: The greatest radius [m], whose risk is the least one.
         chords: Pairs of a and b: risk >= a + b rho, with b in 1/m.
     """
 

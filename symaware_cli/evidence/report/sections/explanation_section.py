@@ -1,4 +1,4 @@
-"""The explanation of a violation that stands beside the log, as ``symaware explain LOG --json`` wrote it."""
+"""The explanation of a violation from the file beside the log, as ``symaware explain LOG --json`` wrote it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _MOST_ROWS = 50
 
 
 class ExplanationSection(ReportSection):
-    """What would have prevented a violation, if ``NAME.explain.json`` is beside the log ``NAME.mcap``."""
+    """The causes of a violation, if ``NAME.explain.json`` is beside the log ``NAME.mcap``."""
 
     title: ClassVar = "Why it was violated"
     order: ClassVar = 65
@@ -31,7 +31,7 @@ class ExplanationSection(ReportSection):
         return subject.log is not None and subject.run is not None and beside(subject.path).is_file()
 
     def content(self, subject: ReportSubject) -> Iterator[Block]:
-        """Yield the causes, what was tried, and the commands that repeat it; or why the file is of no use."""
+        """Yield the causes, the comparisons, and the commands that repeat them; or why the file cannot be used."""
         assert subject.log is not None
         path = beside(subject.path)
         found = read_explanation(path, subject.log)

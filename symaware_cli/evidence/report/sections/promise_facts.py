@@ -1,4 +1,4 @@
-"""The section about promises: who relied on which, what holds only if it is kept, and when one was broken."""
+"""The section about promises: the agents and results that rely on them, and when one was broken."""
 
 from __future__ import annotations
 

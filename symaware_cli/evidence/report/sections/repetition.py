@@ -35,7 +35,7 @@ class ScenarioFiles(ReportSection):
 
 
 class Repetition(ReportSection):
-    """How to install what made it and to repeat it, and all versions."""
+    """The commands to install the same versions and to repeat the run or sweep, and all versions."""
 
     title: ClassVar = "How to repeat it"
     order: ClassVar = 1010
@@ -80,4 +80,4 @@ def _installation(versions: Mapping[str, str]) -> Iterator[str]:
         file, _, digest = origin.partition(", ")
         yield f"pip install './{file}[all]'{f'   # {digest}' if digest else ''}"
     else:
-        yield f"# made with SymAware {package}, as it was installed there: from which commit or wheel, nobody noted"
+        yield f"# made with SymAware {package}, as it was installed there; its commit or wheel was not recorded"

@@ -95,7 +95,7 @@ class CertificateSection(_SweepSection):
         except (ValueError, LookupError, TypeError, AttributeError) as error:
             yield Paragraph((f"{CERTIFICATE} cannot be read: {error}",), "error")
             return
-        yield Paragraph(("As it stands in the folder; this page does not verify it.",), "note")
+        yield Paragraph(("As found in the folder; this page does not verify it.",), "note")
 
 
 class SweepFigures(_SweepSection):
@@ -119,7 +119,7 @@ class SweepFigures(_SweepSection):
 
 
 class LeastRobustRun(_SweepSection):
-    """Which run of a sweep is shown, and how to make it again."""
+    """The run of a sweep that is shown, and the command to repeat it."""
 
     order: ClassVar = 50
 

@@ -13,7 +13,7 @@ from symaware_cli.knowledge.abstraction.grid_cells import GridCells
 
 
 class Need(Parameters):
-    """What is needed, and how its absence is told."""
+    """The required component, and how its absence is reported."""
 
     needs: str = Field("robot.steer", description="A component of the scenario, as `group.name`.")
     told: str = Field("report", description="report, unknown, raise, fail or warn.")

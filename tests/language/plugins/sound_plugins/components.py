@@ -8,7 +8,7 @@ from symaware_cli import Component, GroupComponent, Parameters
 
 
 class Plain(Component):
-    """A component whose author knows nothing of parameters."""
+    """A component without parameters."""
 
     def _compute(self) -> Any:
         return None
