@@ -17,6 +17,7 @@ import pytest
 import yaml
 from typer.testing import CliRunner
 
+from symaware_cli.cli import terminal
 from symaware_cli.cli.application import application
 from symaware_cli.language.build import build
 
@@ -172,10 +173,14 @@ def written(block: Block, folder: Path, number: int) -> Path:
 def test_a_command_prints_what_the_document_shows(
     document: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A document with code of its own gets a process for each command, as a user would; the others run in this one."""
+    """A document with code of its own gets a process for each command, as a user would; the others run in this one.
+
+    So do the runs of sweeps, of which other tests show that they do not depend on the number of worker processes.
+    """
     scripts = str(Path(sys.executable).parent)
     monkeypatch.chdir(folder)
     monkeypatch.setenv("PATH", os.pathsep.join([scripts, os.environ["PATH"]]))
+    monkeypatch.setattr(terminal, "job_count", lambda jobs: jobs or 0)
     monkeypatch.delenv("COLUMNS", raising=False)  # Without the width of a terminal, lines are not folded.
     monkeypatch.setenv("XDG_CONFIG_HOME", str(folder / "configuration"))
     if registers(document):

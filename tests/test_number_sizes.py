@@ -8,11 +8,11 @@ from typing import Any
 import pytest
 
 from fuzzing.campaign import replay
-from fuzzing.targets.numbers import FORMULAS, SIZES, cases, with_formula
+from fuzzing.targets.numbers import FORMULAS, SIZES, fields, with_formula
 
 
-def tried(scenarios: Sequence[dict[str, Any]], folder: Path, monkeypatch: pytest.MonkeyPatch) -> int:
-    """Run scenarios in a child with limited memory and one thread; return how many are not refused."""
+def accepted(scenarios: Sequence[dict[str, Any]], folder: Path, monkeypatch: pytest.MonkeyPatch) -> list[bool]:
+    """Run scenarios in a child with limited memory and one thread; return which are not refused."""
     for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"):
         monkeypatch.setenv(name, "1")
     files = []
@@ -21,18 +21,28 @@ def tried(scenarios: Sequence[dict[str, Any]], folder: Path, monkeypatch: pytest
         files[-1].write_text(json.dumps(scenario))
     results = [(path.read_text(), result) for path, result in replay("numbers", files)]
     assert [(text, result.found) for text, result in results if result.found] == []
-    return sum("refused" not in result.tally for _, result in results)
+    return ["refused" not in result.tally for _, result in results]
 
 
 def test_a_window_of_any_length_needs_little_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     scenarios = [with_formula(formula, SIZES[-1]) for formula in FORMULAS[::3]]
-    assert tried(scenarios, tmp_path, monkeypatch) > len(scenarios) / 2
+    assert sum(accepted(scenarios, tmp_path, monkeypatch)) > len(scenarios) / 2
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("size", SIZES)
-def test_no_number_of_the_language_needs_much_memory(
-    size: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    scenarios = list(cases(size))
-    assert tried(scenarios, tmp_path, monkeypatch) > 100
+def test_no_window_of_a_formula_needs_much_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scenarios = [with_formula(formula, size) for size in SIZES for formula in FORMULAS]
+    assert sum(accepted(scenarios, tmp_path, monkeypatch)) > len(scenarios) / 2
+
+
+@pytest.mark.slow
+def test_no_number_of_the_language_needs_much_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each field has the largest number that it accepts: where that needs little memory, a smaller one does, too."""
+    by_size = {size: list(fields(size)) for size in SIZES}
+    assert len(set(map(len, by_size.values()))) == 1
+    left = range(len(by_size[SIZES[0]]))
+    for size in sorted(SIZES, reverse=True):
+        found = accepted([by_size[size][place] for place in left], tmp_path, monkeypatch)
+        assert any(found)
+        left = [place for place, is_accepted in zip(left, found, strict=True) if not is_accepted]
+    assert len(by_size[SIZES[0]]) - len(left) > 300

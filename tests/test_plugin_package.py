@@ -56,7 +56,12 @@ def elsewhere(
     python = folder / "venv" / "bin" / "python"
     # Otherwise pip takes what is on the PYTHONPATH for installed.
     outside = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
-    subprocess.run([python, "-m", "pip", "install", "--quiet", *wheels, "pytest"], env=outside, check=True, timeout=600)
+    subprocess.run(
+        [python, "-m", "pip", "install", "--quiet", "--no-compile", *wheels, "pytest"],
+        env=outside,
+        check=True,
+        timeout=600,
+    )
     (folder / "work").mkdir()
 
     def run(program: str, *arguments: object) -> subprocess.CompletedProcess[str]:

@@ -7,6 +7,7 @@ import json
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
 from random import Random
 from typing import Any
@@ -80,15 +81,12 @@ class Numbers(Target):
     memory_limit = 500 << 20
     cases_per_worker = 2000
 
-    def __init__(self) -> None:
-        self._cases: list[Tree] = []
-
-    def prepare(self, folder: Path) -> None:
-        """List all cases."""
-        self._cases = [each for size in SIZES for each in cases(size)]
+    @cached_property
+    def _cases(self) -> list[Tree]:
+        return [each for size in SIZES for each in cases(size)]
 
     def make(self, chance: Random) -> bytes:
-        """Draw one of them."""
+        """Draw one of all cases."""
         return json.dumps(chance.choice(self._cases)).encode()
 
     def attempt(self, case: bytes, folder: Path) -> Counter[str]:
@@ -116,11 +114,16 @@ class Numbers(Target):
 
 def cases(size: int) -> Iterator[Tree]:
     """All scenarios with a number of that size: each numeric field, and each window of a formula."""
+    yield from fields(size)
+    for formula in FORMULAS:
+        yield with_formula(formula, size)
+
+
+def fields(size: int) -> Iterator[Tree]:
+    """All scenarios with a number of that size in a numeric field; in the same order for each size."""
     from symaware_cli.language import scenario_schema
 
     yield from _Walk(scenario_schema(built_in_only=True)[0]).documents(size)
-    for formula in FORMULAS:
-        yield with_formula(formula, size)
 
 
 def with_formula(formula: str, size: int) -> Tree:

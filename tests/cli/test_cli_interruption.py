@@ -9,9 +9,11 @@ from pathlib import Path
 
 import pytest
 
+import symaware_cli as sa
 from symaware_cli.cli.terminal import interruption
 
-pytestmark = pytest.mark.slow
+#: One process makes the run whose log several of these tests read.
+pytestmark = [pytest.mark.slow, pytest.mark.xdist_group("interruption")]
 
 SCENARIO = """\
 symaware: 1
@@ -57,9 +59,18 @@ CASES: dict[str, tuple[Sequence[str], str, str]] = {
 }
 
 
+@pytest.fixture(scope="module")
+def ended(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The log of a run that is over, long enough that what reads it can be interrupted."""
+    folder = tmp_path_factory.mktemp("ended")
+    (folder / "ended.yaml").write_text(SCENARIO.format(duration="3000.0"))
+    assert sa.load(folder / "ended.yaml").run(output=folder / "ended.mcap").status == "finished"
+    return folder / "ended.mcap"
+
+
 @pytest.fixture
 def started(tmp_path: Path) -> Callable[..., subprocess.Popen[str]]:
-    for name, duration in (("long", LONG), ("short", "1.0"), ("ended", "3000.0")):
+    for name, duration in (("long", LONG), ("short", "1.0")):
         (tmp_path / f"{name}.yaml").write_text(SCENARIO.format(duration=duration))
 
     def start(*words: str) -> subprocess.Popen[str]:
@@ -71,11 +82,11 @@ def started(tmp_path: Path) -> Callable[..., subprocess.Popen[str]]:
 
 @pytest.mark.parametrize("case", CASES)
 def test_an_interrupted_verb_names_the_saved_files(
-    case: str, started: Callable[..., subprocess.Popen[str]], tmp_path: Path
+    case: str, started: Callable[..., subprocess.Popen[str]], tmp_path: Path, request: pytest.FixtureRequest
 ) -> None:
     words, begun, expected = CASES[case]
     if "ended.mcap" in words:
-        started("run", "ended.yaml", "-q", "-o", "ended.mcap").communicate()
+        (tmp_path / "ended.mcap").symlink_to(request.getfixturevalue("ended"))
     process = started(*words)
     deadline = time.monotonic() + 60
     while begun and not (tmp_path / begun).exists() and time.monotonic() < deadline:
