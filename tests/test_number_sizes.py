@@ -40,7 +40,7 @@ def test_no_number_of_the_language_needs_much_memory(tmp_path: Path, monkeypatch
     """Each field has the largest number that it accepts: where that needs little memory, a smaller one does, too."""
     by_size = {size: list(fields(size)) for size in SIZES}
     assert len(set(map(len, by_size.values()))) == 1
-    left = range(len(by_size[SIZES[0]]))
+    left = list(range(len(by_size[SIZES[0]])))
     for size in sorted(SIZES, reverse=True):
         found = accepted([by_size[size][place] for place in left], tmp_path, monkeypatch)
         assert any(found)

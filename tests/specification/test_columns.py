@@ -120,7 +120,7 @@ def test_functions_give_the_same_for_one_agent_and_for_many(text: str) -> None:
     ("text", "said"),
     [
         ("speed", "a number is not a condition; compare it"),
-        ("position > 1", r"there are 2 values of each; say all\(...\) or any\(...\)"),
+        ("position > 1", r"there are 2 values of each; use all\(...\) or any\(...\)"),
         ("speed[0] > 1", "a number has no elements"),
         ("position[2] > 1", "there is no element 2 in a vector of 2"),
         ("name > 1", "a text is not a number"),
