@@ -38,6 +38,7 @@ from .names import INPUTS as INPUTS
 from .names import KINDS as KINDS
 from .names import TABLES as TABLES
 from .output import outputs_noted as outputs_noted
+from .output import require_writable_file as require_writable_file
 from .output import require_writable_folder as require_writable_folder
 from .output import whole_file as whole_file
 from .output import whole_folder as whole_folder

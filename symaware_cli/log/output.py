@@ -2,7 +2,7 @@
 
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from pathlib import Path
@@ -40,7 +40,7 @@ def whole_file(path: str | os.PathLike[str], *sources: Path) -> Iterator[Path]:
         sources: The input files, which must not be overwritten.
 
     Yields:
-        A path in the same folder, with the same suffix, to write to.
+        An empty file in the same folder, with the same suffix, to write to.
 
     Raises:
         OutputError: It cannot be written (folder missing, permission denied, disk full); nothing is left behind.
@@ -48,12 +48,9 @@ def whole_file(path: str | os.PathLike[str], *sources: Path) -> Iterator[Path]:
     """
     path = Path(path)
     with _os_errors_reported(path):
-        if path.exists() and not path.is_file():
-            # Mainly for devices, which root could replace by a file.
-            raise LogError(f"cannot write {path}: it is {'a folder' if path.is_dir() else 'not a file'}")
-        if path.exists() and any(source.exists() and path.samefile(source) for source in sources):
-            raise LogError(f"cannot write {path}: it is an input file")
+        _require_replaceable(path, sources)
         with _replacing(path) as partial:
+            partial.touch()
             yield partial
 
 
@@ -79,6 +76,20 @@ def whole_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
             yield partial
 
 
+def require_writable_file(path: str | os.PathLike[str], *sources: Path) -> None:
+    """Check that `whole_file` could write a file, before the work whose result it is for.
+
+    Raises:
+        OutputError: It cannot be written.
+        LogError: The path is a folder, a device, or an input file.
+    """
+    path = Path(path)
+    with _os_errors_reported(path):
+        _require_replaceable(path, sources)
+        with _partial(path) as partial:
+            partial.touch()
+
+
 def require_writable_folder(path: str | os.PathLike[str]) -> None:
     """Check that `whole_folder` could write a folder, before the work whose results it is for.
 
@@ -91,6 +102,14 @@ def require_writable_folder(path: str | os.PathLike[str]) -> None:
         _require_empty(path)
         with _partial(path) as partial:
             partial.mkdir()
+
+
+def _require_replaceable(path: Path, sources: Iterable[Path]) -> None:
+    if path.exists() and not path.is_file():
+        # Mainly for devices, which root could replace by a file.
+        raise LogError(f"cannot write {path}: it is {'a folder' if path.is_dir() else 'not a file'}")
+    if path.exists() and any(source.exists() and path.samefile(source) for source in sources):
+        raise LogError(f"cannot write {path}: it is an input file")
 
 
 def _require_empty(path: Path) -> None:

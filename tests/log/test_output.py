@@ -14,7 +14,7 @@ import pytest
 from small_disk import on_a_small_disk
 
 from symaware_cli.log.error import LogError, OutputError
-from symaware_cli.log.output import whole_file, whole_folder
+from symaware_cli.log.output import require_writable_file, require_writable_folder, whole_file, whole_folder
 
 
 def listing(folder: Path) -> list[str]:
@@ -92,6 +92,28 @@ def test_an_unwritable_place_is_reported(tmp_path: Path, write: Callable[..., An
         write(tmp_path / place)
     assert str(caught.value) == f"cannot write {tmp_path / place}: {sentence}"
     assert listing(tmp_path) == ["file"]
+
+
+@pytest.mark.parametrize("place", ["missing/out", "file/out"])
+@pytest.mark.parametrize(
+    ("whole", "check"), [(whole_file, require_writable_file), (whole_folder, require_writable_folder)]
+)
+def test_an_unwritable_place_is_found_before_any_work(tmp_path: Path, place: str, whole: Any, check: Any) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(OutputError), whole(tmp_path / place):
+        pytest.fail("the block has begun")
+    with pytest.raises(OutputError):
+        check(tmp_path / place)
+
+
+def test_a_check_leaves_what_is_there_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "log.mcap").write_bytes(b"old")
+    require_writable_file(tmp_path / "log.mcap")
+    require_writable_file(tmp_path / "new")
+    assert listing(tmp_path) == ["log.mcap"]
+    assert (tmp_path / "log.mcap").read_bytes() == b"old"
+    with pytest.raises(LogError, match="it is an input file"):
+        require_writable_file(tmp_path / "log.mcap", tmp_path / "log.mcap")
 
 
 @pytest.mark.usefixtures("ordinary_rights")

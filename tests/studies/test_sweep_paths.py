@@ -11,6 +11,8 @@ import pytest
 from sweeping import rows, symaware, tiny
 
 from symaware_cli import load
+from symaware_cli.log import OutputError
+from symaware_cli.studies import plot_paths
 from symaware_cli.studies.folder import SweepFolder
 from symaware_cli.studies.picture.paths_figure import draw, prepared
 from symaware_cli.studies.picture.paths_picture import RunPaths, gathered
@@ -113,6 +115,13 @@ def test_a_repeated_run_that_differs_is_not_drawn(tmp_path: Path) -> None:
         journal.execute("""UPDATE runs SET digest = 'another' WHERE "index" = 1""")
     with pytest.raises(SweepError, match=r"run 1 of .* had another result when it was repeated"):
         gathered(SweepFolder.opened(folder))
+
+
+def test_a_picture_that_cannot_be_written_is_found_before_runs_are_repeated(swept: Path, tmp_path: Path) -> None:
+    done: list[tuple[int, int]] = []
+    with pytest.raises(OutputError, match="its folder does not exist"):
+        plot_paths(swept, tmp_path / "missing" / "paths.svg", on_progress=lambda *counts: done.append(counts))
+    assert done == []
 
 
 def test_paths_can_be_drawn_only_for_the_folder_of_a_sweep(swept: Path) -> None:

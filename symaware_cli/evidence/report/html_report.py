@@ -14,7 +14,7 @@ from symaware_cli.entry_points import Listing
 from symaware_cli.evidence.report.folder_index import IndexEntry, index_entries
 from symaware_cli.evidence.report.report_section import SECTION, ReportSection, ReportSubject
 from symaware_cli.language import FilePath
-from symaware_cli.log import LogError, open_log, whole_file
+from symaware_cli.log import LogError, open_log, require_writable_file, whole_file
 from symaware_cli.studies import JOURNAL, Row, SweepFolder, SweepJournal, is_sweep
 from symaware_cli.views import print_page, rendered, require_printing
 from symaware_cli.world import InstalledPlugins, code_position, describe
@@ -50,6 +50,9 @@ def write_report(
     path, output = Path(path), Path(output)
     if pdf is not None:
         require_printing(Path(pdf))
+        require_writable_file(pdf)
+    sources = [] if path.is_dir() else [path]
+    require_writable_file(output, *sources)
     if path.is_dir() and not is_sweep(path):
         if viewer:
             raise LogError(f"the viewer shows one run, and {path} is a folder; report a log in it")
@@ -58,7 +61,7 @@ def write_report(
         raise LogError(f"{path} has no folders to search; --recursive goes with a folder of logs and sweeps")
     else:
         page = _report(path, viewer=viewer)
-    with whole_file(output, *([] if path.is_dir() else [path])) as partial:
+    with whole_file(output, *sources) as partial:
         partial.write_text(page, encoding="utf-8", errors="replace")
     if pdf is not None:
         print_page(output, Path(pdf))

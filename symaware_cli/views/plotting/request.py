@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from symaware_cli.core import nanoseconds, seconds
-from symaware_cli.log import Log, LogError, UnknownNameError
+from symaware_cli.log import Log, LogError, UnknownNameError, require_writable_file
 from symaware_cli.views.plotting.paper_preset import PaperPreset
 
 #: The panels that can be requested by name, besides parts of awareness, in order.
@@ -172,8 +172,10 @@ def check_output(path: Path, request: PlotRequest) -> None:
     Raises:
         UnknownNameError: The suffix is not one of `FORMATS`.
         LogError: The figure is too small to show anything, or too large for memory.
+        OutputError: The file cannot be written.
     """
     check_format(path)
+    require_writable_file(path)
     if request.size is None:
         return
     width, height = request.size

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.log import LogError, OutputError, UnknownNameError
+from symaware_cli.log import LogError, OutputError, UnknownNameError, require_writable_file
 from symaware_cli.views.palette import Colour
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ def check_video(path: Path) -> None:
     Raises:
         UnknownNameError: The suffix is not one of `VIDEO_FORMATS`.
         LogError: The format needs a program that is not installed.
+        OutputError: The file cannot be written.
     """
     suffix = path.suffix.lower()
     if suffix not in VIDEO_FORMATS:
@@ -47,6 +48,7 @@ def check_video(path: Path) -> None:
         raise UnknownNameError(message, suffix, VIDEO_FORMATS)
     if suffix == ".mp4" and shutil.which("ffmpeg") is None:
         raise LogError("videos of the format .mp4 need the program `ffmpeg`, which is not installed; .gif needs none")
+    require_writable_file(path)
 
 
 def write_video(path: Path, suffix: str, frames: Iterable[Pixels], colours: Sequence[Colour]) -> None:

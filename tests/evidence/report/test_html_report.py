@@ -20,6 +20,8 @@ from typer.testing import CliRunner
 
 import symaware_cli as sa
 from symaware_cli.cli.application import application
+from symaware_cli.evidence import write_report
+from symaware_cli.log import OutputError
 from symaware_cli.views.palette import BACKGROUND
 
 #: Two robots that pass each other.
@@ -175,3 +177,17 @@ def test_a_browser_without_a_network_shows_the_replay_within_the_page(log: Path,
             time.sleep(1)
             shown = {tuple(pixel) for pixel in pixels(browser.screenshot())[::2, ::2].reshape(-1, 3).tolist()}
     assert BACKGROUND in shown
+
+
+@pytest.mark.parametrize(
+    ("output", "pdf"),
+    [("missing/page.html", None), pytest.param("page.html", "missing/page.pdf", marks=needs_browser)],
+)
+def test_a_page_that_cannot_be_written_is_found_before_the_log_is_read(
+    output: str, pdf: str | None, tmp_path: Path
+) -> None:
+    (tmp_path / "notes.mcap").write_text("no log")
+    wrong = tmp_path / (pdf or output)
+    with pytest.raises(OutputError, match=f"cannot write {wrong}: its folder does not exist"):
+        write_report(tmp_path / "notes.mcap", tmp_path / output, pdf=None if pdf is None else wrong)
+    assert [path.name for path in tmp_path.iterdir()] == ["notes.mcap"]
