@@ -50,6 +50,11 @@ class PluginError(Exception):
         self.expected = expected
         self.suggestion = suggestion
 
+    @property
+    def sentence(self) -> str:
+        """The message, with the valid values if they are known."""
+        return f"{self}; expected {self.expected}" if self.expected else str(self)
+
 
 class PluginWarning(UserWarning):
     """A plugin is left out, because it is broken."""

@@ -274,8 +274,11 @@ def trouble_shown(as_json: bool = False) -> Iterator[None]:
         fail(str(error), error.status, as_json)
     except PluginError as error:
         hint = f"; did you mean `{error.suggestion}`?" if error.suggestion else ""
-        more = f"; expected {error.expected}" if error.expected and not hint else ""
-        fail(f"{error}{hint or more}", FAILED if error.code == "failed-plugin" else WRONG_INPUT, as_json)
+        fail(
+            f"{error}{hint}" if hint else error.sentence,
+            FAILED if error.code == "failed-plugin" else WRONG_INPUT,
+            as_json,
+        )
     except KeyboardInterrupt:
         fail(interruption(saved), INTERRUPTED, as_json)
 

@@ -14,7 +14,6 @@ from typer.main import get_command
 
 from symaware_cli.cli.streams import is_plain
 from symaware_cli.cli.terminal import WRONG_INPUT, fail
-from symaware_cli.cli.verbs import message_of
 from symaware_cli.entry_points import Listing, PluginError
 
 
@@ -22,13 +21,13 @@ class UnusableVerb(TyperCommand):
     """A verb that cannot be used: it accepts any arguments and exits with the reason."""
 
     def __init__(self, name: str, error: PluginError) -> None:
-        super().__init__(name, help=message_of(error), add_help_option=False, hidden=True)
+        super().__init__(name, help=error.sentence, add_help_option=False, hidden=True)
         self._error = error
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Exit with the reason."""
         if not ctx.resilient_parsing:
-            fail(message_of(self._error), WRONG_INPUT, "--json" in args)
+            fail(self._error.sentence, WRONG_INPUT, "--json" in args)
         return []
 
 

@@ -104,7 +104,7 @@ class Verbs:
                     command_of(name, listing)
                 loaded = listing.load()
             except PluginError as error:
-                yield Summary(name, message_of(error), None)
+                yield Summary(name, error.sentence, None)
                 continue
             yield Summary(name, _help_of(loaded), place_of(loaded))
         for name, same in self._installed.items():
@@ -127,8 +127,3 @@ def _help_of(verb: Any) -> str:
     import typer
 
     return str((verb.info.help if isinstance(verb, typer.Typer) else inspect.getdoc(verb)) or "")
-
-
-def message_of(error: PluginError) -> str:
-    """Return why a verb cannot be used."""
-    return f"{error}; expected {error.expected}" if error.expected else str(error)

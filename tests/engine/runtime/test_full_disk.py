@@ -69,7 +69,7 @@ def test_a_file_system_that_fills_up_is_reported_in_a_sentence(doubles: Path, tm
     symaware = " ".join(COMMAND)
     script = f"{symaware} run ../bulky.yaml --quiet --output run.mcap; echo $?; {symaware} inspect run.mcap; echo $?"
     done = on_a_small_disk(tmp_path / "disk", ["bash", "-c", script], size="1m")
-    assert done.stderr.startswith("symaware: cannot write the log run.mcap: the disk is full; what was written before")
+    assert done.stderr.startswith("symaware: cannot write the log run.mcap: the disk is full; the data written before")
     assert len(done.stderr.splitlines()) == 1
     lines = done.stdout.splitlines()
     assert (lines[0], lines[-3:]) == ("1", ["3", "old", "run.mcap"])
