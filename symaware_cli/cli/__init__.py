@@ -1,6 +1,6 @@
 """The command line: one module per verb, which parses arguments, calls the API, prints and exits.
 
-What a verb imports: docs/decisions/0116-the-start.md
+Imports of verbs: docs/decisions/0116-the-start.md
 """
 
 from __future__ import annotations

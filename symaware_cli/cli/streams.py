@@ -1,4 +1,4 @@
-"""What a stream shows: colours and progress bars, or plain text, in lines of which length.
+"""Capabilities of output streams: colours, progress bars and the width of lines.
 
 Reasons: docs/decisions/0113-fitting-the-terminal-and-the-view.md
 """

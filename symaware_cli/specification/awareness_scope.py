@@ -1,4 +1,4 @@
-"""The scope of awareness contracts: what an agent believes about another, beside what is true.
+"""The scope of awareness contracts: the beliefs of an agent about another, beside the truth.
 
 Reasons: docs/decisions/0091-awareness-contracts.md
 """
@@ -33,7 +33,7 @@ SELF, OTHER = "self", "other"
 
 
 class AwarenessScope(PairScope):
-    """What an agent, `self`, believes about another agent, `other`, and about itself, beside what is true.
+    """The beliefs of an agent, `self`, about another agent, `other`, and about itself, beside the truth.
 
     A row without a belief about the other has no value where a formula refers to that belief; see `lacking`.
     """
@@ -88,7 +88,7 @@ class AwarenessScope(PairScope):
         return dict(zip((SELF, OTHER), values, strict=True))
 
     def _own(self, name: str) -> Array:
-        """Return what each agent believes of itself: its position [m], or its velocity [m/s]; shape (n, d)."""
+        """Return the believed position [m] or velocity [m/s] of each agent itself; shape (n, d)."""
         found = np.zeros((self.rows, self._world.snapshot().positions.shape[1]))
         values: dict[str, Array] = {}
         for row, (id, _) in enumerate(self._pairs):

@@ -23,4 +23,4 @@ class FurtherNames(ABC):
 
     @abstractmethod
     def look_up(self, group: AgentGroup, row: int, name: str) -> Any:
-        """Return what one of the names stands for, for one agent of the group."""
+        """Return the value of one of the names for one agent of the group."""

@@ -137,7 +137,7 @@ class Scope(ABC):
 
     @property
     def lacking(self) -> NDArray[np.bool_] | None:
-        """Which rows lacked what the names of the last instant refer to; None if none can.
+        """The rows without a value for the names of the last instant; None if all have one.
 
         Predicates without a value do not hold for these rows.
         """

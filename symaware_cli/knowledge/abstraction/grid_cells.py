@@ -25,7 +25,7 @@ class GridCells(KnowledgeModel):
     """
 
     class Parameters(Parameters):
-        """The size of the cells, and what they cover."""
+        """The size of the cells, and the region that they cover."""
 
         cell: float = Field(gt=0, description="Side of a cell [m].")
         region: str = Field(description="The region to cover: the name of a box.")

@@ -23,7 +23,7 @@ _MOST_TRANSITIONS = 1_000_000
 
 
 class ModelProduct(KnowledgeModel):
-    """The synchronous product of models, at most one of which has cells: at each step each makes a transition.
+    """The synchronous product of models, of which at most one has cells: at each step each makes a transition.
 
     A strategy chooses the transitions of all models. An agent is steered through the cells of the model that has cells;
     the states of the others, such as a gripper, begin as initial states and change at the end of each step. The name of

@@ -60,7 +60,7 @@ class BlockedCells(Component):
     }
 
     class Parameters(PluginParameters):
-        """What is taken for blocked, and where it is kept."""
+        """Which cells count as blocked, and the name of their entry in the knowledge."""
 
         model: str = Field(description="The knowledge model, by its name under `knowledge_models`.")
         knowledge: str = Field(

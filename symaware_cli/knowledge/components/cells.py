@@ -129,7 +129,7 @@ class CellSteering(Steering):
     }
 
     class Parameters(Steering.Parameters):
-        """Whose decisions to follow, how fast, and what has to be certain."""
+        """The decisions to follow, the speed, and the required certainty."""
 
         strategy: str = Field("decide", description="The name of the component that decides.")
         model: str = Field(description="Its knowledge model, by its name under `knowledge_models`.")

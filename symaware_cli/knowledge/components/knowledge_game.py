@@ -70,7 +70,7 @@ Label = Annotated[
 
 
 class GameParameters(Parameters):
-    """What is known about the environment, and what is to be achieved."""
+    """Knowledge about the environment, and the goals."""
 
     model: str = Field(description="The knowledge model, by its name under `knowledge_models`.")
     labels: dict[str, Label] = Field(

@@ -99,7 +99,7 @@ class KnowledgeStrategy(GroupComponent):
     )
 
     class Parameters(GameParameters):
-        """What is known about the environment, what is to be achieved, and what to do otherwise."""
+        """Knowledge about the environment, the goals, and the fallback."""
 
         on_unrealisable: Literal["refuse", "counterstrategy"] = Field(
             "refuse",

@@ -36,7 +36,7 @@ class Revision(NamedTuple):
 
 
 class RevisionParameters(Parameters):
-    """What it takes to make a strategy again."""
+    """The latency and the budget of a new strategy."""
 
     latency: float = Field(
         0.0,
