@@ -84,6 +84,7 @@ def _diagnosed(*, quick: bool) -> Iterator[InstallationFact]:
     import numpy as np  # so that its kernels can be asked for
 
     yield _kernels(processor.in_force(), processor.shortfall(), np.__version__)
+    yield _compiled()
     yield from _extras()
     yield from _folders()
     yield from _plugins()
@@ -101,6 +102,18 @@ def _kernels(in_force: dict[str, str], shortfall: str | None, version: str) -> I
         remedy = "unset NPY_DISABLE_CPU_FEATURES, NPY_ENABLE_CPU_FEATURES and OPENBLAS_CORETYPE"
         return InstallationFact("kernels", UNKNOWN, said, remedy)
     return InstallationFact("kernels", WORKS, said)
+
+
+def _compiled() -> InstallationFact:
+    """Return whether functions on arrays are the compiled ones of the optional package."""
+    from symaware_cli.geometry import why_not_compiled
+
+    problem = why_not_compiled()
+    if not problem:
+        return InstallationFact("compiled functions", WORKS, f"symaware-compiled {_version('symaware-compiled')}")
+    absent = _version("symaware-compiled") is None
+    remedy = "" if absent else _AGAIN.format("symaware-compiled")
+    return InstallationFact("compiled functions", MISSING if absent else BROKEN, problem, remedy)
 
 
 def _extras() -> Iterator[InstallationFact]:

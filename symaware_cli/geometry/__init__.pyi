@@ -4,6 +4,8 @@ from .articulation import Articulation as Articulation
 from .articulation import Link as Link
 from .articulation import Visual as Visual
 from .body_outlines import BodyOutlines as BodyOutlines
+from .compiled_functions import compiled as compiled
+from .compiled_functions import why_not_compiled as why_not_compiled
 from .minkowski import between as between
 from .minkowski import cornered as cornered
 from .minkowski import loosened as loosened

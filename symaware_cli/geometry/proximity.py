@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from symaware_cli.geometry.compiled_functions import compiled
 from symaware_cli.geometry.vectors import Array, Indices, Mask, lengths
 
 #: Up to this number all pairs are computed; measured: a tree pays off from about a hundred bodies.
@@ -99,17 +100,11 @@ class Proximity:
         elif positions is self._seen:
             return self._pairs
         if self._blocks is not None:
-            distance = _distances_in_blocks(positions, self._blocks)
+            distance = block_distances(positions, self._blocks)
             self._pairs = Pairs(self._first, self._second, distance, self._blocks.shape[1])
         else:
-            # `take` and plain products are five times as fast as fancy indexing and einsum for few bodies.
-            columns = positions.T.copy()
-            apart = columns.take(self._first, 1) - columns.take(self._second, 1)
-            apart *= apart
-            squared = apart[0]
-            for axis in range(1, len(apart)):
-                squared = squared + apart[axis]
-            self._pairs = Pairs(self._first, self._second, np.sqrt(squared))
+            distance = pair_distances(positions, self._first, self._second)
+            self._pairs = Pairs(self._first, self._second, distance)
         if positions is not self._seen:
             self._before, self._seen = self._seen, positions
         return self._pairs
@@ -242,7 +237,28 @@ class Proximity:
         return least
 
 
-def _distances_in_blocks(positions: Array, blocks: Indices) -> Array:
+@compiled
+def pair_distances(positions: Array, first: Indices, second: Indices) -> Array:
+    """Return the distances of pairs of bodies [m]; shape (m,).
+
+    Args:
+        positions: One row for each body [m]; shape (n, d).
+        first: One body of each pair; shape (m,).
+        second: The other body of each pair; shape (m,).
+    """
+    # `take` and plain products are five times as fast as fancy indexing and einsum for few bodies.
+    columns = positions.T.copy()
+    apart = columns.take(first, 1) - columns.take(second, 1)
+    apart *= apart
+    squared = apart[0]
+    for axis in range(1, len(apart)):
+        squared = squared + apart[axis]
+    distance: Array = np.sqrt(squared)
+    return distance
+
+
+@compiled
+def block_distances(positions: Array, blocks: Indices) -> Array:
     """Return the distances of all pairs of each run, as in `Pairs`.
 
     Nothing is gathered, and intermediate results stay in the processor's cache.

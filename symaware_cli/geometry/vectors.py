@@ -8,11 +8,14 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.geometry.compiled_functions import compiled
+
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
 
 
+@compiled
 def lengths(vectors: Array) -> Array:
     """Return the Euclidean lengths of vectors; (n, d) to (n,)."""
     squares = vectors * vectors

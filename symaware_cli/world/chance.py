@@ -24,6 +24,8 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.geometry import compiled
+
 Array = NDArray[np.float64]
 Numbers = NDArray[np.uint64]
 Words = NDArray[np.uint32]
@@ -99,6 +101,11 @@ def philox(first: Numbers, second: Numbers, key: int | Numbers) -> tuple[Words, 
     """
     if _counts:
         _note_draw()
+    return _scrambled(first, second, key)
+
+
+def _scrambled(first: Numbers, second: Numbers, key: int | Numbers) -> tuple[Words, Words]:
+    """Scramble as `philox`, uncounted."""
     count = len(first)
     keys = np.array(_words(np.array([key], np.uint64) if isinstance(key, int) else key), order="C")
     even, odd = np.zeros((2, count), np.uint64), np.empty((2, count), np.uint32)
@@ -193,10 +200,18 @@ def standard_normal(first: Numbers, second: Numbers, key: int | Numbers, width: 
     Source: G. E. P. Box and M. E. Muller, "A Note on the Generation of Random Normal Deviates", The Annals of
     Mathematical Statistics 29, 1958.
     """
+    if _counts:
+        _note_draw()
+    return normals(first, second, key, width)
+
+
+@compiled
+def normals(first: Numbers, second: Numbers, key: int | Numbers, width: int) -> Array:
+    """Draw as `standard_normal`, uncounted."""
     drawn, lanes = np.empty((len(first), width)), (width + 1) // 2
     for begin in range(0, len(first), _BLOCK):
         part = slice(begin, begin + _BLOCK)
-        even, odd = philox(first[part], second[part], key if isinstance(key, int) else key[part])
+        even, odd = _scrambled(first[part], second[part], key if isinstance(key, int) else key[part])
         radius = even[:lanes] + 0.5
         radius *= _OF_32
         np.log(radius, out=radius)
@@ -209,6 +224,13 @@ def standard_normal(first: Numbers, second: Numbers, key: int | Numbers, width: 
         for number, cosines in enumerate(np.cos(angle, out=angle)):
             np.multiply(radius[number], cosines, out=drawn[part, 2 * number])
     return drawn
+
+
+@compiled
+def digests(beginnings: Sequence[bytes], end: bytes) -> Numbers:
+    """Return the first 64 bits of BLAKE2b, with a digest of that length, of each beginning with the end; shape (n,)."""
+    joined = b"".join([blake2b(begin + end, digest_size=8).digest() for begin in beginnings])
+    return np.frombuffer(joined, "<u8").astype(np.uint64, copy=False)
 
 
 class GroupChance:
@@ -380,10 +402,9 @@ class GroupChance:
     def _key(self, turn: Turn, purpose: tuple[str | int, ...], count: int, rows: Indices | None) -> int | Numbers:
         """The key of a purpose: one for all counters, or that of the run which each of them belongs to."""
         end = "\0".join(map(str, (*turn, *purpose))).encode()
-        keys = b"".join([blake2b(begin + end, digest_size=8).digest() for begin in self._beginnings])
+        of_runs = digests(self._beginnings, end)
         if len(self._seeds) == 1:
-            return int.from_bytes(keys, "little")
-        of_runs = np.frombuffer(keys, "<u8").astype(np.uint64, copy=False)
+            return int(of_runs[0])
         return np.repeat(of_runs, count // len(self._seeds)) if rows is None else of_runs[rows // self._share]
 
 

@@ -9,6 +9,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.geometry import compiled
 from symaware_cli.world.entity import Entity
 from symaware_cli.world.plugin import Plugin
 from symaware_cli.world.step_simulator import StepSimulator
@@ -39,6 +40,13 @@ def rows(elements: Sequence[Any], count: int) -> Array:
     for column, element in enumerate(elements):
         joined[:, column] = element
     return joined
+
+
+@compiled
+def saturated(control_input: Array, low: Array, high: Array) -> Array:
+    """Return control inputs within the lowest and the highest ones; (n, nu) each."""
+    limited: Array = np.minimum(np.maximum(control_input, low), high)
+    return limited
 
 
 class BodyLinks(Protocol):
@@ -152,8 +160,7 @@ class Model(Plugin, ABC):
             self.__dict__["_unbounded"] = bool(np.isneginf(low).all() and np.isposinf(high).all())
         if self.__dict__["_unbounded"]:
             return control_input
-        limited: Array = np.minimum(np.maximum(control_input, bounds[0]), bounds[1])
-        return limited
+        return saturated(control_input, *bounds)
 
     def positions(self, state: Array) -> Array:
         """Return the positions [m] in states; (n, nx) to (n, d)."""

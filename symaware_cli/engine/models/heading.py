@@ -10,8 +10,8 @@ import numpy as np
 
 from symaware_cli.core import Model, Quantity
 from symaware_cli.engine.models.noise import NoisyModel
-from symaware_cli.geometry import Array, wrapped
-from symaware_cli.world import columns
+from symaware_cli.geometry import Array, compiled, wrapped
+from symaware_cli.world import columns, rows
 
 #: Without axes, as an operation on few elements takes half as long again if it has to convert a `float`.
 _SLOWEST, _ZERO = np.array(1e-9), np.array(0.0)
@@ -43,6 +43,42 @@ def sinc(angle: Any, math: Any) -> Any:
     series = 1.0 - square / 6.0 * (1.0 - square / 20.0 * (1.0 - square / 42.0 * (1.0 - square / 72.0)))
     elsewhere = math.if_else(small, 1.0, angle)
     return math.if_else(small, series, math.sin(elsewhere) / elsewhere)
+
+
+def _arc_end(x: Any, y: Any, heading: Any, speed: Any, turn_rate: Any, step: Any, math: Any) -> Sequence[Any]:
+    """Return x, y and heading after a step with a constant speed and turn rate; for arrays and symbols."""
+    half = (0.5 * step) * turn_rate
+    chord = step * speed * sinc(half, math)
+    towards = heading + half
+    return x + chord * math.cos(towards), y + chord * math.sin(towards), heading + step * turn_rate
+
+
+@compiled
+def arc_ends(state: Array, control_input: Array, step: float) -> Array:
+    """Return the states (x, y, heading) after a step [s] with speeds and turn rates; (n, 3) and (n, 2) to (n, 3)."""
+    pose, given = columns(state), columns(control_input)
+    # Twice as fast as unpacking arrays.
+    return rows(_arc_end(pose[0], pose[1], pose[2], given[0], given[1], step, np), len(state))
+
+
+@compiled
+def aimed(state: Array, velocity: Array, heading: int) -> tuple[Array, Array]:
+    """Return speeds and heading errors, as `HeadingModel.aim`, where the states have the heading in a column."""
+    axes = columns(velocity)
+    x, y = axes[0], axes[1]  # twice as fast as unpacking an array
+    speed = np.sqrt(x * x + y * y)
+    error = wrapped(np.arctan2(y, x) - state[:, heading])
+    moving = speed > _SLOWEST
+    return speed, error if np.count_nonzero(moving) == len(moving) else np.where(moving, error, 0.0)
+
+
+@compiled
+def steered(speed: Array, error: Array, gain: float) -> Array:
+    """Return the speed along the heading and the turn rate, from speeds and heading errors (n,); shape (n, 2)."""
+    followed = np.empty((len(speed), 2))
+    np.multiply(speed, np.maximum(np.cos(error), _ZERO), out=followed[:, 0])
+    np.multiply(error, gain, out=followed[:, 1])
+    return followed
 
 
 def speeds_in_order(limits: Limits) -> Limits:
@@ -80,16 +116,7 @@ class HeadingModel(NoisyModel):
 
     def successor(self, state: Any, control_input: Any, step: Any, math: Any) -> Sequence[Any]:
         """Return the end of the arc."""
-        heading = state[self.heading]
-        speed, turn_rate = self.motion(control_input, math)
-        half = (0.5 * step) * turn_rate
-        chord = step * speed * sinc(half, math)
-        towards = heading + half
-        return (
-            state[0] + chord * math.cos(towards),
-            state[1] + chord * math.sin(towards),
-            heading + step * turn_rate,
-        )
+        return _arc_end(state[0], state[1], state[self.heading], *self.motion(control_input, math), step, math)
 
     def jacobian(self, state: Array, control_input: Array) -> Array:
         """Return the derivative of the velocity by the heading; all else is zero."""
@@ -116,12 +143,7 @@ class HeadingModel(NoisyModel):
             The desired speed in the plane [m/s], and the angle from the heading to the desired direction, in
             [-pi, pi) [rad] and 0 for speed 0; each of shape (n,).
         """
-        axes = columns(velocity)
-        x, y = axes[0], axes[1]  # twice as fast as unpacking an array
-        speed = np.sqrt(x * x + y * y)
-        error = wrapped(np.arctan2(y, x) - state[:, self.heading])
-        moving = speed > _SLOWEST
-        return speed, error if np.count_nonzero(moving) == len(moving) else np.where(moving, error, 0.0)
+        return aimed(state, velocity, self.heading)
 
 
 class TurningModel(HeadingModel):
@@ -138,11 +160,14 @@ class TurningModel(HeadingModel):
 
     def follow_velocity(self, state: Array, velocity: Array) -> Array:
         """Turn towards the desired direction, at the component of the speed along the heading."""
-        speed, error = self.aim(state, velocity)
-        followed = np.empty((len(state), 2))
-        np.multiply(speed, np.maximum(np.cos(error), _ZERO), out=followed[:, 0])
-        np.multiply(error, self.parameters.steering_gain, out=followed[:, 1])
-        return followed
+        return steered(*self.aim(state, velocity), self.parameters.steering_gain)
+
+    def exact_step(self, state: Array, control_input: Array, step: float) -> Array | None:
+        """Advance states by `successor`."""
+        own = type(self)
+        if own.successor is HeadingModel.successor and own.motion is TurningModel.motion:
+            return arc_ends(state, control_input, step)
+        return super().exact_step(state, control_input, step)
 
 
 class LaggedModel(HeadingModel):

@@ -12,12 +12,10 @@ from symaware_cli.core import AgentGroup
 from symaware_cli.engine.components.control.steering import (
     Approach,
     along,
-    differences,
+    approach,
     differing,
-    directions,
-    scaled,
 )
-from symaware_cli.geometry import Array, lengths
+from symaware_cli.geometry import Array
 
 
 class GoalSeeking(Approach):
@@ -78,12 +76,9 @@ class GoToGoal(GoalSeeking):
     def _compute(self) -> tuple[Array, Array, Array, Array, Array, Array]:
         model, state, goal = self._group.model, self._group.awareness.state, self._goals(self._group)
         position = model.positions(state)
-        way = differences(goal, position)
-        distance = lengths(way)
-        speed = self._slowing(distance)
-        direction = directions(way, distance)
-        control_input = model.follow_velocity(state, scaled(direction, speed))
-        return control_input, position, direction, speed, goal, distance
+        given = self.parameters
+        distance, speed, direction, velocity = approach(goal, position, given.speed, given.gain)
+        return model.follow_velocity(state, velocity), position, direction, speed, goal, distance
 
     def _update(self, value: tuple[Array, Array, Array, Array, Array, Array]) -> None:
         control_input, position, direction, speed, goal, distance = value

@@ -8,7 +8,7 @@ import numpy as np
 from pydantic import Field
 
 from symaware_cli.core import AgentGroup, GroupComponent, Model, Parameters, Quantity
-from symaware_cli.geometry import Array, Mask
+from symaware_cli.geometry import Array, Mask, compiled, lengths
 from symaware_cli.world import SECOND
 
 #: Without axes, as an operation on few elements takes half as long again if it has to convert a `float`.
@@ -64,6 +64,27 @@ class Approach(Steering):
         """Return the speed at a distance from the position to stop at [m/s]; shape (n,)."""
         speed: Array = np.minimum(self.parameters.speed, self.parameters.gain * distance)
         return speed
+
+
+@compiled
+def approach(goal: Array, position: Array, speed: float, gain: float) -> tuple[Array, Array, Array, Array]:
+    """Choose the velocity straight to a goal, slower near it.
+
+    Args:
+        goal: Where to go [m]; shape (n, d).
+        position: Where the agents are [m]; shape (n, d).
+        speed: The cruise speed [m/s].
+        gain: The speed for each metre that remains, where that is less [1/s].
+
+    Returns:
+        The remaining distance [m] and the speed [m/s], each of shape (n,); the direction, zero where nothing remains,
+        and the velocity [m/s], each of shape (n, d).
+    """
+    way = differences(goal, position)
+    distance = lengths(way)
+    slow = np.minimum(speed, gain * distance)
+    direction = directions(way, distance)
+    return distance, slow, direction, scaled(direction, slow)
 
 
 def differing(before: Array, now: Array) -> Mask:
