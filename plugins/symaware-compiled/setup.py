@@ -13,4 +13,4 @@ MODULE = Extension(
     extra_compile_args=["-O3", "-ffp-contract=off"],
 )
 
-setup(ext_modules=cythonize([MODULE]))
+setup(ext_modules=cythonize([MODULE], build_dir="build"))

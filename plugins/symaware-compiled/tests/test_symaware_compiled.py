@@ -151,19 +151,16 @@ def test_bits_are_those_of_numpy(name: str, data: st.DataObject) -> None:
 def test_the_bits_of_a_row_do_not_depend_on_the_number_of_rows(name: str) -> None:
     """A row alone gives the bits that it gives among a thousand."""
     generator = np.random.default_rng(3)
-    shapes = {
-        "lengths": [3],
-        "saturated": [2, 2, 2],
-        "approach": [2, 2, None, None],
-        "aimed": [3, 2, 2],
-        "steered": [0, 0, None],
-        "arc_ends": [3, 2, None],
-    }[name]
-    many: list[Any] = [
-        1.3 if shape is None else generator.normal(size=(1000, shape) if shape else 1000) for shape in shapes
-    ]
-    if name == "aimed":
-        many[2] = 2
+    shapes: dict[str, list[tuple[int, ...]]] = {
+        "lengths": [(1000, 3)],
+        "saturated": [(1000, 2)] * 3,
+        "approach": [(1000, 2), (1000, 2), (), ()],
+        "aimed": [(1000, 3), (1000, 2), ()],
+        "steered": [(1000,), (1000,), ()],
+        "arc_ends": [(1000, 3), (1000, 2), ()],
+    }
+    single: Any = 2 if name == "aimed" else 1.3
+    many = [generator.normal(size=shape) if shape else single for shape in shapes[name]]
     function = getattr(symaware_compiled, name)
     whole = function(*many)
     for row in (0, 1, 7, 500, 999):

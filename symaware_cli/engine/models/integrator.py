@@ -33,7 +33,7 @@ def shortened(vectors: Array, longest: float | None) -> Array:
     """
     if longest is None:
         return vectors
-    scale = longest / np.maximum(lengths(vectors), longest)
+    scale: Array = longest / np.maximum(lengths(vectors), longest)
     return vectors * scale[:, None]
 
 
