@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -43,6 +45,27 @@ class Offer:
     epsilon: float | None = None
     to: tuple[str, ...] = ()
     knowledge: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Instant(dict[str, Any]):
+    """The values of names at one instant, each of which is looked up once."""
+
+    def __init__(self, getter: Callable[[str], Callable[[], Any]]) -> None:
+        """Begin without values.
+
+        Args:
+            getter: Returns a function that returns the present values of a name; called once for each name.
+        """
+        super().__init__()
+        self._getter = getter
+        self._getters: dict[str, Callable[[], Any]] = {}
+
+    def __missing__(self, name: str) -> Any:
+        getter = self._getters.get(name)
+        if getter is None:
+            getter = self._getters[name] = self._getter(name)
+        value = self[name] = getter()
+        return value
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,29 +124,32 @@ class Specification:
         Raises:
             SpecificationError: A predicate has no value.
         """
-        memory: dict[str, Any] = {}
-
-        def remembered(name: str) -> Any:
-            if name not in memory:
-                memory[name] = look_up(name)
-            return memory[name]
-
-        values = []
         with np.errstate(all="ignore"):
-            for atom in self.formulation.atoms:
-                try:
-                    try:
-                        value = atom.robustness(remembered)
-                    except AbsentError:
-                        value = np.full(rows, -np.inf)
-                    column = value if value.shape == (rows,) else np.broadcast_to(value, (rows,))
-                except NO_VALUE as error:
-                    raise SpecificationError(f"`{atom.text}` has no value: {error}") from error
-                wrong = np.isnan(column)
-                if np.count_nonzero(wrong):  # several times as fast as `any` for few rows
-                    column = self._without_gaps(atom, column, wrong, present, agents)
-                values.append(column)
-        return values
+            return self.columns(Instant(partial(partial, look_up)).__getitem__, rows, present, agents)
+
+    def columns(
+        self,
+        look_up: Lookup,
+        rows: int,
+        present: NDArray[np.bool_] | None,
+        agents: Callable[[int], Sequence[str]] | None = None,
+    ) -> list[Array]:
+        """As `values`, except that NumPy's warnings are left to the caller, and that names are looked up repeatedly."""
+        columns = []
+        for atom in self.formulation.atoms:
+            try:
+                column = atom.robustness(look_up)
+                if column.shape != (rows,):
+                    column = np.broadcast_to(column, (rows,))
+            except AbsentError:
+                column = np.full(rows, -np.inf)
+            except NO_VALUE as error:
+                raise SpecificationError(f"`{atom.text}` has no value: {error}") from error
+            # NaN counts as the least value. For few rows, this takes half as long as `isnan` of each.
+            if rows and math.isnan(column.item(column.argmin())):
+                column = self._without_gaps(atom, column, np.isnan(column), present, agents)
+            columns.append(column)
+        return columns
 
     def _without_gaps(
         self,
@@ -148,3 +174,21 @@ class Specification:
     def text(self) -> str:
         """The text of the formula."""
         return printed(self.formulation.tree)
+
+
+class Sampler:
+    """Samples the predicates of a specification on the values of its scope, at one instant after another.
+
+    What is the same at all instants is decided once. NumPy's warnings are left to the caller; a run ignores them.
+    """
+
+    def __init__(self, specification: Specification) -> None:
+        self._specification = specification
+        self._rows = specification.scope.rows
+        self._values = Instant(specification.scope.getter)
+        self._look_up = self._values.__getitem__
+
+    def __call__(self, present: NDArray[np.bool_] | None) -> list[Array]:
+        """Return the robustness of each predicate at the present instant; see `Specification.values`."""
+        self._values.clear()
+        return self._specification.columns(self._look_up, self._rows, present)
