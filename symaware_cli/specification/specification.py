@@ -51,11 +51,7 @@ class Instant(dict[str, Any]):
     """The values of names at one instant, each of which is looked up once."""
 
     def __init__(self, getter: Callable[[str], Callable[[], Any]]) -> None:
-        """Begin without values.
-
-        Args:
-            getter: Returns a function that returns the present values of a name; called once for each name.
-        """
+        """Begin without values; `getter` as for `Sampler`."""
         super().__init__()
         self._getter = getter
         self._getters: dict[str, Callable[[], Any]] = {}
@@ -125,50 +121,7 @@ class Specification:
             SpecificationError: A predicate has no value.
         """
         with np.errstate(all="ignore"):
-            return self.columns(Instant(partial(partial, look_up)).__getitem__, rows, present, agents)
-
-    def columns(
-        self,
-        look_up: Lookup,
-        rows: int,
-        present: NDArray[np.bool_] | None,
-        agents: Callable[[int], Sequence[str]] | None = None,
-    ) -> list[Array]:
-        """As `values`, except that NumPy's warnings are left to the caller, and that names are looked up repeatedly."""
-        columns = []
-        for atom in self.formulation.atoms:
-            try:
-                column = atom.robustness(look_up)
-                if column.shape != (rows,):
-                    column = np.broadcast_to(column, (rows,))
-            except AbsentError:
-                column = np.full(rows, -np.inf)
-            except NO_VALUE as error:
-                raise SpecificationError(f"`{atom.text}` has no value: {error}") from error
-            # NaN counts as the least value. For few rows, this takes half as long as `isnan` of each.
-            if rows and math.isnan(column.item(column.argmin())):
-                column = self._without_gaps(atom, column, np.isnan(column), present, agents)
-            columns.append(column)
-        return columns
-
-    def _without_gaps(
-        self,
-        atom: Atom,
-        column: Array,
-        wrong: NDArray[np.bool_],
-        present: NDArray[np.bool_] | None,
-        agents: Callable[[int], Sequence[str]] | None,
-    ) -> Array:
-        """Return the robustness of a predicate that is NaN in some rows, where these need none; see `values`."""
-        if present is not None:
-            wrong &= present
-        if wrong.any() and (lacking := self.scope.lacking) is not None:
-            column = np.where(wrong & lacking, -np.inf, column)
-            wrong &= ~lacking
-        if wrong.any():
-            who = " and ".join((agents or self.scope.agents)(int(wrong.argmax())))
-            raise SpecificationError(f"`{atom.text}` has no value" + (f" for {who}" if who else ""))
-        return column
+            return Sampler(self, partial(partial, look_up), rows, agents)(present)
 
     @property
     def text(self) -> str:
@@ -177,18 +130,69 @@ class Specification:
 
 
 class Sampler:
-    """Samples the predicates of a specification on the values of its scope, at one instant after another.
+    """Samples the predicates of a specification at one instant after another.
 
     What is the same at all instants is decided once. NumPy's warnings are left to the caller; a run ignores them.
     """
 
-    def __init__(self, specification: Specification) -> None:
+    def __init__(
+        self,
+        specification: Specification,
+        getter: Callable[[str], Callable[[], Any]],
+        rows: int,
+        agents: Callable[[int], Sequence[str]] | None = None,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            specification: The specification.
+            getter: Returns a function that returns the present values of a name; called once for each name.
+            rows: The number of rows.
+            agents: As for `Specification.values`.
+        """
         self._specification = specification
-        self._rows = specification.scope.rows
-        self._values = Instant(specification.scope.getter)
+        self._atoms = specification.formulation.atoms
+        self._agents = agents or specification.scope.agents
+        self._shape = (rows,)
+        self._values = Instant(getter)
         self._look_up = self._values.__getitem__
 
     def __call__(self, present: NDArray[np.bool_] | None) -> list[Array]:
-        """Return the robustness of each predicate at the present instant; see `Specification.values`."""
+        """Return the robustness of each predicate at the present instant, in arrays that are not changed later.
+
+        Args:
+            present: Which rows must have a value; None for all.
+
+        Raises:
+            SpecificationError: A predicate has no value.
+        """
         self._values.clear()
-        return self._specification.columns(self._look_up, self._rows, present)
+        shape, columns = self._shape, []
+        for atom in self._atoms:
+            try:
+                column = atom.robustness(self._look_up)
+                if column.shape != shape:
+                    column = np.broadcast_to(column, shape)
+            except AbsentError:
+                column = np.full(shape, -np.inf)
+            except NO_VALUE as error:
+                raise SpecificationError(f"`{atom.text}` has no value: {error}") from error
+            # NaN counts as the least value. For few rows, this takes half as long as `isnan` of each.
+            if column.size and math.isnan(column.item(column.argmin())):
+                column = self._without_gaps(atom, column, np.isnan(column), present)
+            columns.append(column)
+        return columns
+
+    def _without_gaps(
+        self, atom: Atom, column: Array, wrong: NDArray[np.bool_], present: NDArray[np.bool_] | None
+    ) -> Array:
+        """Return the robustness of a predicate that is NaN in some rows, where these need none; see `__call__`."""
+        if present is not None:
+            wrong &= present
+        if wrong.any() and (lacking := self._specification.scope.lacking) is not None:
+            column = np.where(wrong & lacking, -np.inf, column)
+            wrong &= ~lacking
+        if wrong.any():
+            who = " and ".join(self._agents(int(wrong.argmax())))
+            raise SpecificationError(f"`{atom.text}` has no value" + (f" for {who}" if who else ""))
+        return column

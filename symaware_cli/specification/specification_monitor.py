@@ -158,7 +158,7 @@ class SpecificationMonitor:
         """
         count = specification.scope.rows
         self.specification = specification
-        self._sample = Sampler(specification)
+        self._sample = Sampler(specification, specification.scope.getter, count)
         #: The bounds without intervals.
         self._unbounded = np.full(count, -np.inf), np.full(count, np.inf)
         #: The verdicts and bounds of all instances; None if they are to be combined when they are read.
@@ -208,7 +208,8 @@ class SpecificationMonitor:
         decisions: list[Decision] = []
         if present is not None:
             self._leave(present, decisions)
-        self._arrive(present, now)
+        if self._due or present is not None or (self.begins and not self._all_begun):
+            self._arrive(present, now)
         cohorts = self.cohorts
         if self._is_offered:
             cohorts = [cohort for cohort in cohorts if not self._is_complete(cohort)]
