@@ -88,7 +88,7 @@ class SpecificationRecorder:
             state = *state, monitor.settled.copy()
         changed = None if last is None else _changed(state, last)
         count = len(state[0]) if changed is None else np.count_nonzero(changed)
-        if count or last is None:
+        if count:
             self._last[name] = state
             rows = None if changed is None or count == len(changed) else np.flatnonzero(changed)
             codes, lower, upper, *settled = state if rows is None else (each[rows] for each in state)
