@@ -7,6 +7,7 @@ rebuilt.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -66,6 +67,10 @@ class Proximity:
         self._blocks: Indices | None = None
         #: The numbers of the pairs of the body at each place of a run, if those are all pairs; shape (n, n - 1).
         self._own: Indices = np.empty((0, 0), np.intp)
+        #: Where the numbers of each body start, if those of all are one after another; shape (n,).
+        self._starts: Indices = np.empty(0, np.intp)
+        #: The pairs whose distances to the nearest other bodies are known, and these.
+        self._of_each: tuple[Pairs, Array] | None = None
         self._pairs = Pairs(self._first, self._second, np.empty(0))
 
     @property
@@ -165,6 +170,7 @@ class Proximity:
             if self._present is None:
                 own = np.concatenate([first, second]).argsort(kind="stable") % max(1, len(first))
                 self._own = own.reshape(runs.shape[1], max(0, runs.shape[1] - 1))
+                self._starts = np.arange(0, own.size, max(1, self._own.shape[1]))
             else:
                 both = self._present[self._first] & self._present[self._second]
                 self._first, self._second = self._first[both], self._second[both]
@@ -227,13 +233,23 @@ class Proximity:
         if count > _ALL_PAIRS or self._present is not None:
             return nearest_distances(positions, self.runs)
         pairs = self.pairs(positions, 0.0)
+        if self._of_each is not None and self._of_each[0] is pairs:
+            return self._of_each[1]
         least: Array
         if self._blocks is None:
-            least = np.fmin.reduce(pairs.distance.take(self._own), axis=1, initial=np.inf)
+            if count < 2:
+                least = np.full(count, np.inf)
+            else:
+                # For few bodies, this takes half as long as `reduce` along an axis.
+                least = np.fmin.reduceat(pairs.distance.take(self._own.ravel()), self._starts)
+                if math.isnan(pairs.least):
+                    least = np.fmin(least, np.inf)
         else:
             least = np.empty(len(positions))
             of_pairs = pairs.distance.reshape(-1, pairs.runs)
             least[self._blocks] = np.fmin.reduce(of_pairs.take(self._own, 0), axis=1, initial=np.inf)
+        least.flags.writeable = False
+        self._of_each = pairs, least
         return least
 
 

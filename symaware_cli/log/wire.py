@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.log import symaware_v1_pb2 as v1
 
+CODE = np.dtype("u1")
 FLOAT = np.dtype("<f8")
 INDEX = np.dtype("<u4")
 TIME = np.dtype("<i8")

@@ -27,7 +27,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.geometry import lengths, wrapped
 from symaware_cli.specification.absence import AbsentError
-from symaware_cli.specification.formula import ZERO, Array, plain
+from symaware_cli.specification.formula import ZERO, Array, have_one_sign, plain
 from symaware_cli.specification.node import (
     Arithmetic,
     Call,
@@ -179,7 +179,13 @@ def robustness(node: Node) -> Callable[[Lookup], Array]:
     match node:
         case Comparison():
             margin = _margin(node)
-            return lambda lookup: _one_each(np.asarray(margin(lookup), float))
+
+            def of_each(lookup: Lookup) -> Array:
+                found = margin(lookup)
+                is_column = isinstance(found, np.ndarray) and found.ndim == 1
+                return found if is_column else _one_each(np.asarray(found, float))
+
+            return of_each
         case Call(function="inside"):
             point, region = (values(each) for each in node.arguments)
             return lambda lookup: _inside(point(lookup), region(lookup))
@@ -456,6 +462,33 @@ def _encoded(margin: Any, is_zero: Any, holds_at_zero: bool) -> Any:
     return zero if is_zero else margin
 
 
+def _order_with(value: Evaluate, number: float, is_above: bool, holds_at_zero: bool) -> Evaluate:
+    """Compile the robustness of ``value > number``, or of another order with a finite number.
+
+    It equals that of `_order`, but both need not be compared as well: their difference is 0 only if they are equal.
+
+    Args:
+        value: Evaluates what is compared with the number.
+        number: The number.
+        is_above: Whether the value is to be greater.
+        holds_at_zero: Whether it may be equal.
+    """
+    zero = ZERO if holds_at_zero else -ZERO
+    shared = np.array(number)  # which NumPy combines with an array in half the time of a Python number
+
+    def margin(lookup: Lookup) -> Any:
+        found = _number(value(lookup))
+        if not isinstance(found, np.ndarray):
+            apart = found - number if is_above else number - found
+            return zero if apart == 0.0 else apart
+        apart = found - shared if is_above else shared - found
+        if have_one_sign(apart) or np.count_nonzero(apart) == apart.size:
+            return apart
+        return np.where(apart == 0.0, zero, apart)
+
+    return margin
+
+
 #: The robustness of each comparison of two values.
 COMPARISONS: Mapping[str, Callable[[Any, Any], Any]] = {
     "<": lambda one, other: _order(other, one, holds_at_zero=False),
@@ -473,6 +506,12 @@ def _margin(node: Comparison, functions: Functions | None = None) -> Evaluate:
     calls = [COMPARISONS[sign] for sign in node.operators]
     if len(calls) == 1:
         (compare,), (one, other) = calls, operands
+        sign, (first, second) = node.operators[0], node.operands
+        for value, given, greater in ((one, second, ">"), (other, first, "<")):
+            if sign not in ("==", "!=") and _is_fixed(given):
+                number = _number(values(given)(dict[str, Any]().__getitem__))
+                if math.isfinite(number):
+                    return _order_with(value, number, sign.startswith(greater), sign.endswith("="))
         return lambda lookup: compare(one(lookup), other(lookup))
 
     def margin(lookup: Lookup) -> Any:

@@ -6,7 +6,13 @@ from dataclasses import replace
 
 from symaware_cli.specification import formula as stl
 from symaware_cli.specification.formula import Formula, from_now
-from symaware_cli.specification.future_stream import AheadStream, NextStream, ToTheEndStream, UntilStream
+from symaware_cli.specification.future_stream import (
+    AheadStream,
+    NextStream,
+    ToTheEndStream,
+    UntilStream,
+    WholeRunStream,
+)
 from symaware_cli.specification.past_stream import AgoStream, SinceStream, SoFarStream
 from symaware_cli.specification.stream import Clock, ConstantStream, JunctionStream, NotStream, PredicateStream, Stream
 
@@ -46,7 +52,10 @@ def stream(formula: Formula, clock: Clock, last: int | None) -> Stream:
             shifted = replace(formula, last=first, operand=replace(formula, first=0))
             return stream(shifted, clock, last)
         case stl.Always(_, None, operand) | stl.Eventually(_, None, operand):
-            return ToTheEndStream(clock, stream(operand, clock, ever), greatest, last)
+            below = stream(operand, clock, ever)
+            if last == 0 and below.is_momentary:
+                return WholeRunStream(clock, below, greatest)
+            return ToTheEndStream(clock, below, greatest, last)
         case stl.Always(first, int(until), operand) | stl.Eventually(first, int(until), operand):
             return AheadStream(clock, stream(operand, clock, further(until)), first, until, greatest, last)
         case stl.Next(operand, weak):
@@ -56,8 +65,8 @@ def stream(formula: Formula, clock: Clock, last: int | None) -> Stream:
         case stl.Historically(first, int(until), operand) | stl.Once(first, int(until), operand):
             return AgoStream(clock, stream(operand, clock, last), first, until, greatest)
         case stl.Until(0, until, left, right):
-            below = ever if until is None else further(until)
-            return UntilStream(clock, stream(left, clock, below), stream(right, clock, below), until, last, below)
+            lasts = ever if until is None else further(until)
+            return UntilStream(clock, stream(left, clock, lasts), stream(right, clock, lasts), until, last, lasts)
         case stl.Since(0, None, left, right):
             return SinceStream(clock, stream(left, clock, last), stream(right, clock, last), last)
         case stl.Until() | stl.Since():

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from symaware_cli.specification.sliding import (
+    EXTREMA,
     Extremum,
     History,
     Recent,
@@ -119,6 +120,50 @@ class AheadStream(Stream):
         return found
 
 
+class WholeRunStream(Stream):
+    """The minimum or maximum of momentary values from the first instant to the end of the run; at no later instant."""
+
+    def __init__(self, clock: Clock, operand: Stream, greatest: bool) -> None:
+        super().__init__(clock, None, operand.reach)
+        self._operand = operand
+        self._greatest = greatest
+        #: The extremum so far, replaced when it changes.
+        self._extremum: Any = None
+        self._is_changed = True
+
+    @property
+    def is_changed(self) -> bool:
+        """See the base class."""
+        return self._is_changed
+
+    def push(self, samples: Sequence[Any]) -> Any:
+        """See the base class."""
+        value, known, single = self._operand.push(samples), self._extremum, self.clock.single
+        if known is not None:
+            value = EXTREMA[single][self._greatest](known, value)
+            # Comparing bytes takes a fifth of the time of comparing arrays of few rows.
+            self._is_changed = value != known if single else value.tobytes() != known.tobytes()
+        if self._is_changed:
+            self._extremum = value
+        return None
+
+    def first(self) -> tuple[Values | None, Values | None]:
+        """See the base class."""
+        known = self._extremum
+        if known is None or self.clock.ended:
+            return super().first()
+        extremum = np.array([known]) if self.clock.single else known
+        return (extremum, None) if self._greatest else (None, extremum)
+
+    def bound(self, side: int, begin: int, end: int) -> Values | None:
+        """See the base class."""
+        known, ended = self._extremum, self.clock.ended
+        if known is None:
+            return self.clock.full(1, not self._greatest) if ended else None
+        # Nothing is known of later instants.
+        return np.reshape(known, (1, -1)) if ended or self._greatest == (side == 0) else None
+
+
 class ToTheEndStream(Stream):
     """The minimum or maximum from an instant to the end of the run."""
 
@@ -130,14 +175,6 @@ class ToTheEndStream(Stream):
         self._starts = History(clock.rows, dtype=clock.dtype)
         self._values = Recent()
         self._last_start = starts
-        #: Whether bounds depend on the extrema alone.
-        self._is_momentary = operand.is_momentary
-        self._is_changed = True
-
-    @property
-    def is_changed(self) -> bool:
-        """See the base class."""
-        return self._is_changed
 
     def push(self, samples: Sequence[Any]) -> Any:
         """See the base class."""
@@ -150,20 +187,10 @@ class ToTheEndStream(Stream):
         starts = self._starts
         if starts.end:
             known = starts.between(0, starts.end)
-            if self._is_momentary and not self._exceeds(value, known):
-                self._is_changed = False
-            else:
-                (np.maximum if self._greatest else np.minimum)(known, value, out=known)
-                self._is_changed = True
+            (np.maximum if self._greatest else np.minimum)(known, value, out=known)
         if starts.end <= self._last_start:
             starts.append(value)
-            self._is_changed = True
         return None
-
-    def _exceeds(self, value: Values, known: Values) -> bool:
-        """Whether a value changes one of the extrema so far."""
-        # Several times as fast as `any` for few rows.
-        return bool(np.count_nonzero(value > known if self._greatest else value < known))
 
     def _begun(self, begin: int, end: int) -> Values:
         """Return the extrema so far for the starts in a range that have been pushed [instants, rows]."""

@@ -33,7 +33,8 @@ class Monitor:
         horizon: Number of steps after which the exact robustness is known; None if only at the end of the run.
         instants: Number of instants processed.
         ended: Whether the declared run has ended.
-        verdict: Whether the formula holds at the first instant, for each row: 1 true, -1 false, 0 undecided.
+        verdict: Whether the formula holds at the first instant, for each row: 1 true, -1 false, 0 undecided. The array
+            is replaced only when a verdict changes, and never written to.
         lower: Least possible robustness at the first instant, over all continuations (only with `interval`).
         upper: Greatest possible robustness at the first instant.
         complete: Whether all samples were kept that the exact robustness at the end of the run requires, if it is not
@@ -68,11 +69,13 @@ class Monitor:
         self._clock = Clock(rows, boolean=self._truth, single=single)
         self._stream = stream(formula, self._clock, 0)
         self._robustness_clock = Clock(rows, boolean=False, single=single)
-        #: The bounds of which nothing is known.
+        #: The bounds where nothing is known.
         self._least, self._greatest = self._clock.full(1, False)[0], self._clock.full(1, True)[0]
+        #: What `exact` returns if there is nothing new.
+        self._nothing: Array = np.empty((0, rows))
         self._robustness = stream(formula, self._robustness_clock, -1)
         self._settled = False
-        self._samples: list[list[Any]] = []
+        self._samples: list[Sequence[Any]] = []
         self._known: list[Array] = []
         self._told = 0
         limit = KEPT // max(1, rows * _predicates(formula))
@@ -83,14 +86,12 @@ class Monitor:
         """Process the next instant.
 
         Args:
-            values: Robustness of each predicate at that instant [rows].
+            values: Robustness of each predicate at that instant [rows]. It is kept, and must not be changed later.
         """
         now = self.instants
         self.instants = now + 1
         self.is_changed = False
-        samples: list[Any] = (
-            [each.item() for each in values] if self._clock.single else [np.array(each) for each in values]
-        )
+        samples: Sequence[Any] = [each.item() for each in values] if self._clock.single else values
         if now <= self._last_kept:
             self._samples.append(samples)
         elif self.horizon is None:
@@ -149,7 +150,7 @@ class Monitor:
         """
         first, known = self._told, self._known
         if not known:
-            return first, np.empty((0, self.rows))
+            return first, self._nothing
         self._told += len(known)
         self._known = []
         found: Array = np.array(known)
@@ -191,22 +192,23 @@ class Monitor:
         if exact is not None:
             lower = upper = np.atleast_1d(exact)
         else:
-            below, above = self._stream.known(0, 0, 1), self._stream.known(1, 0, 1)
+            below, above = self._stream.first()
             if below is None and above is None:
                 return
-            # Copies, as streams go on with their arrays.
-            lower = self._least if below is None else below[0].copy()
-            upper = self._greatest if above is None else above[0].copy()
+            lower = self._least if below is None else below
+            upper = self._greatest if above is None else above
         if self._truth:
             holds, fails = lower, np.logical_not(upper)
         else:
             if self.interval:
                 self.lower, self.upper = lower, upper
-            if self._clock.single and lower[0] < 0.0 < upper[0]:
-                return
+            if lower.item(lower.argmax()) < 0.0 < upper.item(upper.argmin()):
+                return  # no row is decided
             holds, fails = lower > 0.0, upper < 0.0
-        self.verdict = holds.view(np.int8) - fails.view(np.int8)
-        self._settled = exact is not None or (not self.interval and bool(self.verdict.all()))
+        verdict = holds.view(np.int8) - fails.view(np.int8)
+        if verdict.tobytes() != self.verdict.tobytes():
+            self.verdict = verdict
+        self._settled = exact is not None or (not self.interval and bool(verdict.all()))
 
 
 def _predicates(formula: Formula) -> int:

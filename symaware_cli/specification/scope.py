@@ -149,7 +149,7 @@ class Scope(ABC):
         return ()
 
     def getter(self, name: str) -> Callable[[], Any]:
-        """Return a function that returns what `look_up` does, and may be faster."""
+        """Return a function that returns what `look_up` does, but decides only once what the name stands for."""
         return partial(self.look_up, name)
 
     def look_up(self, name: str) -> Any:
@@ -226,9 +226,14 @@ class AgentScope(Scope):
         """See the base class."""
         if name in self._known:
             return partial(KnownValues(self.group).__getitem__, name)
-        if name == "position" and name not in {*self._elements, *self.regions}:
+        if name in self.regions:
+            return super().getter(name)
+        if name in self._elements:
+            column = self._elements[name]
+            return lambda: self.states[:, column]
+        if name == "position":
             return lambda: self.group.model.positions(self.states)
-        return super().getter(name)
+        return self._nearest if name == "nearest" else super().getter(name)
 
     @property
     def states(self) -> Array:
@@ -267,9 +272,13 @@ class AgentScope(Scope):
 
     def _nearest(self) -> Array:
         """Return the distance of each agent to the nearest other [m], between centres; infinity if there is none."""
-        snapshot = self._world.snapshot()
-        start = snapshot.roster.start(self.group.name)
-        return self._world.proximity.nearest_to_each(snapshot.positions)[start : start + self.rows]
+        return self._world.proximity.nearest_to_each(self._world.snapshot().positions)[self._span]
+
+    @cached_property
+    def _span(self) -> slice:
+        """The indices of the agents in the roster."""
+        start = self._world.snapshot().roster.start(self.group.name)
+        return slice(start, start + self.rows)
 
 
 class BeliefScope(AgentScope):

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, Literal
 
 import numpy as np
@@ -43,6 +45,23 @@ class Offer:
     epsilon: float | None = None
     to: tuple[str, ...] = ()
     knowledge: Mapping[str, Any] = field(default_factory=dict)
+
+
+class Instant(dict[str, Any]):
+    """The values of names at one instant, each of which is looked up once."""
+
+    def __init__(self, getter: Callable[[str], Callable[[], Any]]) -> None:
+        """Begin without values; `getter` as for `Sampler`."""
+        super().__init__()
+        self._getter = getter
+        self._getters: dict[str, Callable[[], Any]] = {}
+
+    def __missing__(self, name: str) -> Any:
+        getter = self._getters.get(name)
+        if getter is None:
+            getter = self._getters[name] = self._getter(name)
+        value = self[name] = getter()
+        return value
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,50 +120,79 @@ class Specification:
         Raises:
             SpecificationError: A predicate has no value.
         """
-        memory: dict[str, Any] = {}
-
-        def remembered(name: str) -> Any:
-            if name not in memory:
-                memory[name] = look_up(name)
-            return memory[name]
-
-        values = []
         with np.errstate(all="ignore"):
-            for atom in self.formulation.atoms:
-                try:
-                    try:
-                        value = atom.robustness(remembered)
-                    except AbsentError:
-                        value = np.full(rows, -np.inf)
-                    column = value if value.shape == (rows,) else np.broadcast_to(value, (rows,))
-                except NO_VALUE as error:
-                    raise SpecificationError(f"`{atom.text}` has no value: {error}") from error
-                wrong = np.isnan(column)
-                if np.count_nonzero(wrong):  # several times as fast as `any` for few rows
-                    column = self._without_gaps(atom, column, wrong, present, agents)
-                values.append(column)
-        return values
-
-    def _without_gaps(
-        self,
-        atom: Atom,
-        column: Array,
-        wrong: NDArray[np.bool_],
-        present: NDArray[np.bool_] | None,
-        agents: Callable[[int], Sequence[str]] | None,
-    ) -> Array:
-        """Return the robustness of a predicate that is NaN in some rows, where these need none; see `values`."""
-        if present is not None:
-            wrong &= present
-        if wrong.any() and (lacking := self.scope.lacking) is not None:
-            column = np.where(wrong & lacking, -np.inf, column)
-            wrong &= ~lacking
-        if wrong.any():
-            who = " and ".join((agents or self.scope.agents)(int(wrong.argmax())))
-            raise SpecificationError(f"`{atom.text}` has no value" + (f" for {who}" if who else ""))
-        return column
+            return Sampler(self, partial(partial, look_up), rows, agents)(present)
 
     @property
     def text(self) -> str:
         """The text of the formula."""
         return printed(self.formulation.tree)
+
+
+class Sampler:
+    """Samples the predicates of a specification at one instant after another.
+
+    What is the same at all instants is decided once. NumPy's warnings are left to the caller; a run ignores them.
+    """
+
+    def __init__(
+        self,
+        specification: Specification,
+        getter: Callable[[str], Callable[[], Any]],
+        rows: int,
+        agents: Callable[[int], Sequence[str]] | None = None,
+    ) -> None:
+        """Prepare.
+
+        Args:
+            specification: The specification.
+            getter: Returns a function that returns the present values of a name; called once for each name.
+            rows: The number of rows.
+            agents: As for `Specification.values`.
+        """
+        self._specification = specification
+        self._atoms = specification.formulation.atoms
+        self._agents = agents or specification.scope.agents
+        self._shape = (rows,)
+        self._values = Instant(getter)
+        self._look_up = self._values.__getitem__
+
+    def __call__(self, present: NDArray[np.bool_] | None) -> list[Array]:
+        """Return the robustness of each predicate at the present instant, in arrays that are not changed later.
+
+        Args:
+            present: Which rows must have a value; None for all.
+
+        Raises:
+            SpecificationError: A predicate has no value.
+        """
+        self._values.clear()
+        shape, columns = self._shape, []
+        for atom in self._atoms:
+            try:
+                column = atom.robustness(self._look_up)
+                if column.shape != shape:
+                    column = np.broadcast_to(column, shape)
+            except AbsentError:
+                column = np.full(shape, -np.inf)
+            except NO_VALUE as error:
+                raise SpecificationError(f"`{atom.text}` has no value: {error}") from error
+            # NaN counts as the least value. For few rows, this takes half as long as `isnan` of each.
+            if column.size and math.isnan(column.item(column.argmin())):
+                column = self._without_gaps(atom, column, np.isnan(column), present)
+            columns.append(column)
+        return columns
+
+    def _without_gaps(
+        self, atom: Atom, column: Array, wrong: NDArray[np.bool_], present: NDArray[np.bool_] | None
+    ) -> Array:
+        """Return the robustness of a predicate that is NaN in some rows, where these need none; see `__call__`."""
+        if present is not None:
+            wrong &= present
+        if wrong.any() and (lacking := self._specification.scope.lacking) is not None:
+            column = np.where(wrong & lacking, -np.inf, column)
+            wrong &= ~lacking
+        if wrong.any():
+            who = " and ".join(self._agents(int(wrong.argmax())))
+            raise SpecificationError(f"`{atom.text}` has no value" + (f" for {who}" if who else ""))
+        return column

@@ -18,7 +18,7 @@ from symaware_cli.specification.monitor import Monitor
 from symaware_cli.specification.outcome import Decision, Outcome, outcome_of
 from symaware_cli.specification.printing import printed
 from symaware_cli.specification.reason import Reason
-from symaware_cli.specification.specification import Specification
+from symaware_cli.specification.specification import Sampler, Specification
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +45,7 @@ class Cohort:
         start: Their first instant, in nanoseconds.
         told: Their verdicts as last reported; shape (k,).
         count: The number of rows of the specification.
+        is_whole: Whether these are all rows of the specification.
     """
 
     def __init__(
@@ -60,11 +61,20 @@ class Cohort:
         self.monitor = monitor
         self.start = start
         self.told = told
+        self.is_whole = len(rows) == count
+        #: The bounds of the monitor as they were decoded last, and decoded.
+        self._lower, self._upper = monitor.lower, monitor.upper
+        self._plain_lower, self._plain_upper = plain(self._lower), plain(self._upper)
 
-    @property
-    def is_whole(self) -> bool:
-        """Whether these are all rows of the specification."""
-        return len(self.rows) == self.count
+    def bounds(self) -> tuple[Array, Array]:
+        """Return the bounds of the robustness; each of shape (k,)."""
+        lower, upper = self.monitor.lower, self.monitor.upper
+        # Monitors replace their arrays, and never write to them.
+        if lower is not self._lower:
+            self._lower, self._plain_lower = lower, plain(lower)
+        if upper is not self._upper:
+            self._upper, self._plain_upper = upper, plain(upper)
+        return self._plain_lower, self._plain_upper
 
     def select(self, chosen: NDArray[np.bool_]) -> Cohort:
         """Return some of the rows, with their history."""
@@ -91,28 +101,25 @@ class Worst:
         bound = np.full(count, np.inf)
         return cls(np.ones(count, np.int8), bound, bound, is_empty=True)
 
-    def copy(self) -> Worst:
-        """Return a copy."""
-        return Worst(self.verdicts, self.lower, self.upper, self._is_empty)
+    def joined(self, cohorts: Sequence[Cohort], interval: bool) -> tuple[NDArray[np.int8], Array, Array]:
+        """Return the verdicts and bounds with the instances of cohorts included."""
+        if self._is_empty and len(cohorts) == 1 and cohorts[0].is_whole:
+            # By far the most frequent case.
+            lower, upper = cohorts[0].bounds() if interval else (self.lower, self.upper)
+            return cohorts[0].monitor.verdict, lower, upper
+        verdicts, lower, upper = self.verdicts.copy(), self.lower.copy(), self.upper.copy()
+        for cohort in cohorts:
+            rows = cohort.rows
+            verdicts[rows] = np.minimum(verdicts[rows], cohort.monitor.verdict)
+            if interval:
+                least, greatest = cohort.bounds()
+                lower[rows] = np.minimum(lower[rows], least)
+                upper[rows] = np.minimum(upper[rows], greatest)
+        return verdicts, lower, upper
 
     def add(self, cohorts: Sequence[Cohort], interval: bool) -> None:
         """Include the instances of cohorts."""
-        if not cohorts:
-            return
-        if self._is_empty and len(cohorts) == 1 and cohorts[0].is_whole:
-            # By far the most frequent case. Monitors replace their arrays, and never write to them.
-            monitor = cohorts[0].monitor
-            self.verdicts = monitor.verdict
-            if interval:
-                self.lower, self.upper = plain(monitor.lower), plain(monitor.upper)
-        else:
-            self.verdicts, self.lower, self.upper = self.verdicts.copy(), self.lower.copy(), self.upper.copy()
-            for cohort in cohorts:
-                rows, monitor = cohort.rows, cohort.monitor
-                self.verdicts[rows] = np.minimum(self.verdicts[rows], monitor.verdict)
-                if interval:
-                    self.lower[rows] = np.minimum(self.lower[rows], plain(monitor.lower))
-                    self.upper[rows] = np.minimum(self.upper[rows], plain(monitor.upper))
+        self.verdicts, self.lower, self.upper = self.joined(cohorts, interval)
         self._is_empty = False
 
 
@@ -125,9 +132,6 @@ class SpecificationMonitor:
 
     Attributes:
         specification: The specification.
-        verdicts: 1 (satisfied), -1 (violated) or 0 (undecided) for each row; shape (rows,).
-        lower: Lower bound of the robustness of each row; minus infinity without intervals.
-        upper: Upper bound of the robustness of each row; infinity without intervals.
         robustness: The exact robustness of each row at the latest instant where it is known; NaN before the first.
         settled: The exact robustness that the verdict of each row is about, the least of its instances; NaN while that
             of any is unknown.
@@ -137,11 +141,11 @@ class SpecificationMonitor:
         begins: Whether evaluation begins by itself, once for each row.
         cohorts: The rows that are evaluated, by the instant at which their evaluation began.
         is_over: Whether further values are ignored.
-        changes: How often results were read or combined.
+        changes: How often results may have changed.
         is_continued: Whether forecasts are made; to be set before the first value.
     """
 
-    uncaptured: ClassVar[Sequence[str]] = ("specification",)
+    uncaptured: ClassVar[Sequence[str]] = ("specification", "_sample")
 
     def __init__(self, specification: Specification, time_step: int, begins: bool = True) -> None:
         """Initialise the monitor.
@@ -154,14 +158,18 @@ class SpecificationMonitor:
         """
         count = specification.scope.rows
         self.specification = specification
-        self.verdicts = np.zeros(count, np.int8)
-        self.lower, self.upper = np.full(count, -np.inf), np.full(count, np.inf)
+        self._sample = Sampler(specification, specification.scope.getter, count)
+        #: The bounds without intervals.
+        self._unbounded = np.full(count, -np.inf), np.full(count, np.inf)
+        #: The verdicts and bounds of all instances; None if they are to be combined when they are read.
+        self._combined: tuple[NDArray[np.int8], Array, Array] | None = (np.zeros(count, np.int8), *self._unbounded)
         self.robustness = np.full(count, np.nan)
         self.settled = np.full(count, np.nan)
         #: The least exact robustness of the instances of each row so far, and of how many it is unknown.
         self._least = np.full(count, np.inf)
         self._unsettled = np.zeros(count, np.int64)
         self.begun = np.zeros(count, bool)
+        self._all_begun = not count
         self.is_over = False
         self.is_continued = False
         self._time_step = time_step
@@ -195,24 +203,30 @@ class SpecificationMonitor:
         if specification.end is not None and now > specification.end:
             return self.finish()
         self._now = now
-        present = specification.scope.present
+        scope = specification.scope
+        present = scope.present
         decisions: list[Decision] = []
         if present is not None:
             self._leave(present, decisions)
-        self._arrive(present, now)
-        if self.cohorts:
-            open_cohorts = [cohort for cohort in self.cohorts if not self._is_complete(cohort)]
-            if open_cohorts:
-                values = specification.values(specification.scope.look_up, specification.scope.rows, present)
-                if agents := specification.scope.momentary_agents:
-                    self._momentary_agents[now] = agents
-            for cohort in open_cohorts:
-                cohort.monitor.update(values if cohort.is_whole else [each[cohort.rows] for each in values])
-            if self._is_regrouped or self._is_offered or any(each.monitor.is_changed for each in self.cohorts):
-                for cohort in self.cohorts:
-                    self._take(cohort, decisions)
-                self._combine()
-                self._is_regrouped = False
+        if self._due or present is not None or (self.begins and not self._all_begun):
+            self._arrive(present, now)
+        cohorts = self.cohorts
+        if self._is_offered:
+            cohorts = [cohort for cohort in cohorts if not self._is_complete(cohort)]
+        is_changed = self._is_regrouped or self._is_offered
+        if cohorts:
+            values = self._sample(present)
+            if agents := scope.momentary_agents:
+                self._momentary_agents[now] = agents
+            for cohort in cohorts:
+                monitor = cohort.monitor
+                monitor.update(values if cohort.is_whole else [each[cohort.rows] for each in values])
+                is_changed = is_changed or monitor.is_changed
+        if is_changed and self.cohorts:
+            for cohort in self.cohorts:
+                self._take(cohort, decisions)
+            self._combine()
+            self._is_regrouped = False
         return decisions
 
     def begin(self, rows: Sequence[int]) -> None:
@@ -221,13 +235,15 @@ class SpecificationMonitor:
 
     def accept(self, row: int) -> None:
         """Let the offered specification count for a row, from the beginning of its evaluation."""
+        self._results()
         self.begun[row] = True
+        self._all_begun = bool(self.begun.all())
         if not self._due:  # otherwise its evaluation has not begun, and there is nothing to combine
             self._combine()
 
     def release(self, row: int) -> None:
         """Let the offered specification no longer count for a row."""
-        self.begun[row] = False
+        self.begun[row] = self._all_begun = False
         self._combine()
 
     def is_open_to(self, row: int) -> bool:
@@ -268,6 +284,21 @@ class SpecificationMonitor:
         count = len(samples[0]) if samples else 1
         found = measured(specification.formulation.formula, [each[:, None] for each in samples], count, 1)
         return float(plain(found[0, 0]))
+
+    @property
+    def verdicts(self) -> NDArray[np.int8]:
+        """1 (satisfied), -1 (violated) or 0 (undecided) for each row; shape (rows,)."""
+        return self._results()[0]
+
+    @property
+    def lower(self) -> Array:
+        """Lower bound of the robustness of each row; minus infinity without intervals."""
+        return self._results()[1]
+
+    @property
+    def upper(self) -> Array:
+        """Upper bound of the robustness of each row; infinity without intervals."""
+        return self._results()[2]
 
     @property
     def awaited(self) -> NDArray[np.bool_]:
@@ -345,8 +376,7 @@ class SpecificationMonitor:
 
     def _arrive(self, present: NDArray[np.bool_] | None, now: int) -> None:
         """Begin the evaluation of rows that are due and present."""
-        specification = self.specification
-        if self.begins and np.count_nonzero(self.begun) < len(self.begun):
+        if self.begins and not self._all_begun:
             self._due.append(np.flatnonzero(~self.begun))
         if present is not None and self._away.any():
             returned = self._away & present
@@ -360,10 +390,12 @@ class SpecificationMonitor:
         self._due.clear()
         rows = due if present is None else due[present[due]]
         if len(rows):
+            self._results()
             self.begun[rows] |= not self._is_offered
+            self._all_begun = bool(self.begun.all())
             self._unsettled[rows] += 1
             self.settled[rows] = np.nan
-            monitor = specification.monitor(len(rows), self.is_continued)
+            monitor = self.specification.monitor(len(rows), self.is_continued)
             self._is_regrouped = True
             self.cohorts.append(Cohort(rows, monitor, now, np.zeros(len(rows), np.int8), len(self.begun)))
 
@@ -375,6 +407,7 @@ class SpecificationMonitor:
             if here.any():
                 remaining.append(cohort if here.all() else cohort.select(here))
             if not here.all():
+                self._results()
                 self._is_regrouped = True
                 gone = cohort.select(~here) if here.any() else cohort
                 gone.monitor.finish()
@@ -405,34 +438,41 @@ class SpecificationMonitor:
                 self.robustness[known] = self.settled[known]
                 self._exact.append(Exact(np.array([cohort.start]), known, self.settled[known][None]))
         verdicts = monitor.verdict
+        if verdicts is cohort.told:  # monitors replace it only when it changes
+            return
         changed = verdicts != cohort.told
         if self._is_offered:
             changed &= self.begun[rows]
-        if np.count_nonzero(changed):  # several times as fast as `any` for few rows
-            if self.specification.explains:
-                found = self._decisions(cohort, np.flatnonzero(changed))
-                decisions += found
-                self.decisions += found
-            cohort.told = np.where(changed, verdicts, cohort.told)
+        if np.count_nonzero(changed) and self.specification.explains:  # several times as fast as `any` for few rows
+            found = self._decisions(cohort, np.flatnonzero(changed))
+            decisions += found
+            self.decisions += found
+        cohort.told = np.where(changed, verdicts, cohort.told) if self._is_offered else verdicts
 
     def _combine(self) -> None:
-        """Combine the results of all instances; decided instances are dropped."""
+        """Take note that results of instances may have changed; decided instances are dropped."""
         self.changes += 1
-        interval = self.specification.interval
         if not self.begins and not self._is_offered:
             for cohort in self.cohorts:
                 if cohort.told.all():
                     self._close(cohort)
             self.cohorts = [cohort for cohort in self.cohorts if not cohort.told.all()]
-        outcome = self._ended.copy()
-        outcome.add(self.cohorts, interval)
-        verdicts, lower, upper = outcome.verdicts, outcome.lower, outcome.upper
-        if np.count_nonzero(self.begun) < len(self.begun):
-            verdicts = np.where(self.begun, verdicts, np.int8(0))
-            lower, upper = np.where(self.begun, lower, -np.inf), np.where(self.begun, upper, np.inf)
-        self.verdicts = verdicts
-        if interval:
-            self.lower, self.upper = lower, upper
+        self._combined = None
+
+    def _results(self) -> tuple[NDArray[np.int8], Array, Array]:
+        """Return the verdicts and bounds of all instances, as of the last `_combine`.
+
+        In most runs nobody reads them at each step. They are to be read before instances begin or end, as what they
+        follow from is about to change.
+        """
+        if self._combined is None:
+            interval = self.specification.interval
+            verdicts, lower, upper = self._ended.joined(self.cohorts, interval)
+            if not self._all_begun:
+                verdicts = np.where(self.begun, verdicts, np.int8(0))
+                lower, upper = np.where(self.begun, lower, -np.inf), np.where(self.begun, upper, np.inf)
+            self._combined = (verdicts, lower, upper) if interval else (verdicts, *self._unbounded)
+        return self._combined
 
     def _is_complete(self, cohort: Cohort) -> bool:
         """Whether the verdicts of an offered cohort, and their robustness, are known."""

@@ -109,6 +109,11 @@ class Stream:
         """Return bounds, without evaluating them where they must be trivial."""
         return None if self.clock.now < begin + self.soonest[side] else self.bound(side, begin, end)
 
+    def first(self) -> tuple[Values | None, Values | None]:
+        """Return the bounds at the first instant [rows], in arrays that never change; None where they are trivial."""
+        lower, upper = self.known(0, 0, 1), self.known(1, 0, 1)
+        return None if lower is None else lower[0].copy(), None if upper is None else upper[0].copy()
+
     def bound_or_extreme(self, side: int, begin: int, end: int) -> Values:
         """Return bounds, infinite where they are trivial."""
         found = self.bound(side, begin, end) if begin < end else None

@@ -128,5 +128,15 @@ def test_the_nearest_to_each_is_that_of_all_pairs_to_the_bit(count: int, runs: i
         assert proximity.nearest_to_each(positions).tobytes() == expected.tobytes()
 
 
+@pytest.mark.parametrize("count", [1, 2, 3, 9])
+def test_a_body_without_a_position_is_near_none(count: int) -> None:
+    positions, proximity = np.random.default_rng(count).uniform(-3.0, 3.0, (count, 2)), Proximity()
+    positions[0, 1] = np.nan
+    expected = nearest_distances(positions)
+    assert expected[0] == np.inf
+    for _ in range(2):  # computed, and kept
+        assert proximity.nearest_to_each(positions).tobytes() == expected.tobytes()
+
+
 def test_an_absent_body_is_in_no_pair() -> None:
     assert Proximity().nearest_to_each(np.empty((0, 2))).shape == (0,)

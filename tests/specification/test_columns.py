@@ -45,6 +45,10 @@ def tree(text: str) -> Node:
     return parse(text, VALUES, ARGUMENTS)
 
 
+def tree_of(text: str) -> Node:
+    return parse(text, ("x", "limit"), ARGUMENTS)
+
+
 def margin(text: str) -> list[float]:
     found: list[float] = np.broadcast_to(plain(robustness(tree(text))(VALUES.__getitem__)), (3,)).tolist()
     return found
@@ -80,6 +84,22 @@ def margin(text: str) -> list[float]:
 )
 def test_the_robustness_of_a_predicate(text: str, expected: list[float]) -> None:
     assert margin(text) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("number", ["0.5", "0", "-0.0", "-1.5", "1e308"])
+@pytest.mark.parametrize("order", ["<", "<=", ">", ">="])
+def test_an_order_with_a_number_is_that_with_values_to_the_bit(order: str, number: str) -> None:
+    every = np.array([1.5, -1.5, 0.5, 0.0, -0.0, 5e-324, -1e308, np.inf, -np.inf, np.nan])
+    for x in (every, every[every > 0.5], every[every < -0.5], *every.tolist(), every.reshape(2, 5)):
+        known = {"x": x, "limit": np.full(np.shape(x), float(number))[()]}
+        for written in ("x {} {}", "{1} {0} x"):
+            found, expected = (tree_of(written.format(order, each)) for each in (number, "limit"))
+            with np.errstate(all="ignore"):
+                results = [values(each)(known.__getitem__) for each in (found, expected)]
+                assert np.array_equal(*results)
+                if np.ndim(x) < 2:
+                    margins = [robustness(each)(known.__getitem__) for each in (found, expected)]
+                    assert margins[0].tobytes() == margins[1].tobytes()
 
 
 @pytest.mark.parametrize(

@@ -16,9 +16,23 @@ from symaware_cli.engine.runtime.timing import Trigger, concerned
 if TYPE_CHECKING:
     from symaware_cli.engine.runtime.recording import RunRecording
     from symaware_cli.engine.runtime.run_summary import Observer
-    from symaware_cli.specification import Decision, MonitorStatuses, Outcome, Specification, SpecificationMonitor
+    from symaware_cli.specification import (
+        Decision,
+        MonitorStatuses,
+        Outcome,
+        Specification,
+        SpecificationError,
+        SpecificationMonitor,
+    )
 
 _LEVELS = {"continue": Level.INFO, "event": Level.WARNING, "end": Level.WARNING}
+
+
+def _specification_error() -> type[SpecificationError]:
+    """Return the class; imported here, because runs without specifications do not need the package."""
+    from symaware_cli.specification import SpecificationError
+
+    return SpecificationError
 
 
 def rows_begun(
@@ -125,14 +139,12 @@ class Specifications:
         self.looked = now
         if not self.monitors:
             return None
-        from symaware_cli.specification import SpecificationError
-
         for name, monitor in self.monitors.items():
             if name in self._recorded and (monitor.is_over or now < monitor.specification.start):
                 continue
             try:
                 decisions = monitor.look(now)
-            except SpecificationError as error:
+            except _specification_error() as error:
                 failure = failure or RunError(f"specifications.{name}", "symaware", now, str(error), error)
                 continue
             for decision in decisions if self.decides else ():

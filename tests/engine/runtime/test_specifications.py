@@ -321,3 +321,21 @@ def test_robustness_that_leaving_makes_known_is_recorded_at_once_though_nobody_i
     exact = {time: list(message.robustness) for time, message in found if message.robustness}
     assert list(exact) == [1.0]
     assert exact[1.0][:2] == [0.0, 6.0]
+
+
+def test_results_that_are_read_late_are_those_that_are_read_at_each_step(tmp_path: Path) -> None:
+    agents = {"robot": {**SCENARIO["agents"]["robot"], "present": {"until": 2.0}}}
+    stated = {"apart": {"each": "robot", "formula": "always nearest > 1"}}
+    (tmp_path / "line.yaml").write_text(yaml.safe_dump({**SCENARIO, "agents": agents, "specifications": stated}))
+
+    def results(steps: int) -> list[list[Any]]:
+        with prepared(build(tmp_path / "line.yaml"), None) as run:
+            (monitor,) = run.specification_monitors
+            found = []
+            while run.status is None:
+                run.advance(steps)
+                found.append([each.tolist() for each in (monitor.verdicts, monitor.lower, monitor.upper)])
+        return found
+
+    # Both leave at 2 s, in the fourth step of 0.5 s; until the run ends, their results are the last ones before.
+    assert results(1)[4::5] == results(5)
