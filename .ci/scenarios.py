@@ -4,7 +4,7 @@
 
 Each scenario must be sound, run to its end with updates in its log and no failures, and give the same digest as on an
 emulated processor of level x86-64-v3, with another interpreter; with further interpreters, the messages of its first
-seconds must be the same. Which interpreter runs all of it differs from scenario to scenario. Scenarios that need PyBullet
+seconds must be the same. Which interpreter runs all of it differs from scenario to scenario; those that need PyBullet
 run with this one alone.
 On a processor of level x86-64-v2, of which less is promised, true positions of some of them must agree within a
 tolerance, at least until the motion amplifies rounding (docs/repeatability.md). With --quick nothing is emulated.

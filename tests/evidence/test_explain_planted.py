@@ -18,7 +18,7 @@ from planted_causes import (
     with_lost_messages,
 )
 
-#: How many cases of each kind are explained, and five times as many without a cause. All 600 are those of 40.
+#: How many cases of each kind are explained, and five times as many without a cause. All 400 are those of 40.
 CASES = int(os.environ.get("SYMAWARE_PLANTED", "2"))
 
 
