@@ -395,7 +395,9 @@ class FramePainter:
         """Draw lines (m, 3) each [m]."""
         # Together if they have equally many points, as the thousands of pieces of trails have.
         alike = len(set(map(len, lines))) == 1
-        seen = self._viewpoint.project(np.asarray(lines)) if alike else list(map(self._viewpoint.project, lines))
+        seen: Sequence[Array] | Array = (
+            self._viewpoint.project(np.asarray(lines)) if alike else list(map(self._viewpoint.project, lines))
+        )
         self._flat_lines(seen, colours, width, above, closed=closed)
 
     def _flat_lines(
@@ -412,7 +414,7 @@ class FramePainter:
         if shown:
             # Round ends of transparent pieces would overlap visibly.
             ends = "butt" if above == _TRAIL else "round"
-            drawn = LineCollection(shown, colors=colours, linewidths=width, capstyle=ends, zorder=above)
+            drawn = LineCollection(shown, colors=list(colours), linewidths=width, capstyle=ends, zorder=above)
             self._axes.add_collection(drawn, autolim=False)
 
     def _dots(self, positions: Array, colours: Sequence[Any], size: float) -> None:
