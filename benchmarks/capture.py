@@ -16,12 +16,14 @@ import subprocess
 import sys
 import tempfile
 from collections import defaultdict
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 from itertools import cycle, islice
 from pathlib import Path
 from typing import Any
 
 import symaware_cli as sa
+from symaware_cli.language.build import build
 from symaware_cli.log import Recorder
 
 ROOT = Path(__file__).parents[1]
@@ -32,21 +34,22 @@ MOST_STEPS = 120
 BEGIN, END = "<!-- begin: benchmarks/capture.py -->\n", "<!-- end -->\n"
 
 
-def scenarios() -> dict[Path, int]:
-    """Return the number of steps of each shipped scenario whose plugins are installed, by file."""
+def scenarios(draw: random.Random) -> Iterator[Path]:
+    """Yield the shipped scenarios whose plugins are installed, in random order."""
     files = [*ROOT.glob("scenarios/*.yaml"), *ROOT.glob("scenarios/*.toml"), *ROOT.glob("plugins/*/scenarios/*.yaml")]
-    found = {}
-    for path in sorted(files):
+    for path in draw.sample(sorted(files), len(files)):
         with suppress(sa.ScenarioError):
-            outline = sa.load(path).outline
-            assert outline is not None
-            found[path] = outline.steps
-    return found
+            sa.load(path)
+            yield path
 
 
 def steps_made(path: Path, most: int) -> int:
     """Return the number of steps that a run makes, at most some: its `until` may end it early."""
-    with sa.load(path).start() as simulation:
+    scenario = sa.load(path)
+    assert scenario.outline is not None
+    if build(path).document.run.until is None:
+        return min(most, scenario.outline.steps)
+    with scenario.start() as simulation:
         return simulation.step(most)
 
 
@@ -86,38 +89,51 @@ def unbroken(path: Path, instants: list[int], further: int, folder: Path) -> dic
     return found
 
 
-def fresh(path: Path, further: int, folder: Path) -> None:
-    """In a new process: continue from each state."""
-    for file in sorted(folder.glob("*.state")):
-        with sa.load(path).start(output=folder / f"{file.stem}.fresh.mcap") as simulation:
-            simulation.restore(sa.SimulationState.from_bytes(file.read_bytes()))
-            simulation.step(further)
+def fresh(folder: Path, further: int) -> None:
+    """In a new process: continue from each state of each scenario."""
+    for place in sorted(folder.iterdir()):
+        scenario = sa.load((place / "scenario").read_text(encoding="utf-8"))
+        for file in sorted(place.glob("*.state")):
+            with scenario.start(output=place / f"{file.stem}.fresh.mcap") as simulation:
+                simulation.restore(sa.SimulationState.from_bytes(file.read_bytes()))
+                simulation.step(further)
 
 
-def compared(path: Path, instants: list[int], further: int) -> list[str]:
-    """Return a row of the table for each instant."""
+def compared(found: dict[int, Any], folder: Path) -> list[str]:
+    """Return a row of the table for each instant of a scenario; see `unbroken`."""
+    rows = []
+    for instant, each in found.items():
+        if isinstance(each, str):
+            rows.append(f"refused: {each.partition(';')[0]}")
+            continue
+        whole = messages(folder / "whole.mcap", each["sequence"])
+        cells = []
+        for kind in ("again", "fresh"):
+            log = messages(folder / f"{instant}.{kind}.mcap", each["sequence"])
+            # The messages that end a run come last, and are not in the original run.
+            last = max(time for _, time, _, _ in log)
+            log = [message for message in log if message[1] < last]
+            equal = bool(log) and log == whole[: len(log)]
+            cells.append(f"{len(log)} equal" if equal else "DIFFER")
+        rows.append(f"{cells[0]} | {cells[1]} | {each['bytes']:,}")
+    return rows
+
+
+def lines(drawn: Mapping[Path, Collection[int]], further: int) -> Iterator[str]:
+    """Yield the lines of the table for some instants of each scenario."""
     with tempfile.TemporaryDirectory() as name:
-        folder = Path(name)
-        found = unbroken(path, instants, further, folder)
-        if any(isinstance(each, dict) for each in found.values()):
-            arguments = ["--fresh", str(path), str(folder), "--further", str(further)]
-            subprocess.run([sys.executable, __file__, *arguments], check=True)
-        rows = []
-        for instant, each in found.items():
-            if isinstance(each, str):
-                rows.append(f"refused: {each.partition(';')[0]}")
-                continue
-            whole = messages(folder / "whole.mcap", each["sequence"])
-            cells = []
-            for kind in ("again", "fresh"):
-                log = messages(folder / f"{instant}.{kind}.mcap", each["sequence"])
-                # The messages that end a run come last, and are not in the original run.
-                last = max(time for _, time, _, _ in log)
-                log = [message for message in log if message[1] < last]
-                equal = bool(log) and log == whole[: len(log)]
-                cells.append(f"{len(log)} equal" if equal else "DIFFER")
-            rows.append(f"{cells[0]} | {cells[1]} | {each['bytes']:,}")
-        return rows
+        found = {}
+        for number, path in enumerate(sorted(drawn)):
+            folder = Path(name, str(number))
+            folder.mkdir()
+            (folder / "scenario").write_text(str(path), encoding="utf-8")
+            found[path] = unbroken(path, sorted(drawn[path]), further, folder), folder
+        # One for all of them: to start it takes as long as to simulate some of them.
+        subprocess.run([sys.executable, __file__, "--fresh", name, "--further", str(further)], check=True)
+        for path, (states, folder) in found.items():
+            for instant, row in zip(states, compared(states, folder), strict=True):
+                said = f"{row} | | |" if row.startswith("refused") else f"{row} |"
+                yield f"| {path.relative_to(ROOT)} | {instant} | {said}"
 
 
 def main() -> None:
@@ -127,31 +143,21 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--further", type=int, default=10)
     parser.add_argument("--table", type=Path)
-    parser.add_argument("--fresh", nargs=2, type=Path, metavar=("SCENARIO", "FOLDER"), help=argparse.SUPPRESS)
+    parser.add_argument("--fresh", type=Path, metavar="FOLDER", help=argparse.SUPPRESS)
     asked = parser.parse_args()
     if asked.fresh:
-        fresh(asked.fresh[0], asked.further, asked.fresh[1])
+        fresh(asked.fresh, asked.further)
         return
     draw = random.Random(asked.seed)
     drawn: defaultdict[Path, set[int]] = defaultdict(set)
-    steps = scenarios()
-    order = draw.sample([*steps], len(steps))
-    for path in islice(cycle(order), asked.pairs):
-        if path not in drawn:
-            steps[path] = steps_made(path, min(MOST_STEPS + asked.further + 1, steps[path]))
+    steps: dict[Path, int] = {}
+    for path in islice(cycle(scenarios(draw)), asked.pairs):
+        if path not in steps:
+            steps[path] = steps_made(path, MOST_STEPS + asked.further + 1)
         instants = range(1, min(MOST_STEPS, steps[path] - asked.further - 1) + 1)
         drawn[path].add(draw.choice([each for each in instants if each not in drawn[path]]))
-    lines = [
-        "| scenario | step | messages after it, in the process | in a fresh one | bytes |",
-        "|---|---|---|---|---|",
-    ]
-    for path in sorted(drawn):
-        chosen = sorted(drawn[path])
-        for instant, row in zip(chosen, compared(path, chosen, asked.further), strict=True):
-            said = f"{row} | | |" if row.startswith("refused") else f"{row} |"
-            lines.append(f"| {path.relative_to(ROOT)} | {instant} | {said}")
-            print(lines[-1], file=sys.stderr, flush=True)
-    table = "\n".join(lines) + "\n"
+    head = ["| scenario | step | messages after it, in the process | in a fresh one | bytes |", "|---|---|---|---|---|"]
+    table = "\n".join([*head, *lines(drawn, asked.further)]) + "\n"
     if asked.table:
         before, _, rest = asked.table.read_text().partition(BEGIN)
         asked.table.write_text(before + BEGIN + "\n" + table + "\n" + END + rest.partition(END)[2])

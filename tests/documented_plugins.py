@@ -5,7 +5,10 @@ import re
 import subprocess
 import sys
 from collections.abc import Callable, Mapping
+from contextlib import chdir
 from pathlib import Path
+
+from simulating import in_process
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "plugins.md"
 
@@ -38,12 +41,20 @@ def install(folder: Path, modules: Mapping[str, str], points: Mapping[str, str],
 
 
 def command(folder: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
-    """Return a function that runs a command in a folder, with or without the plugin installed there."""
+    """Return a function that runs a command in a folder, with or without the plugin installed there.
+
+    Without it, the command runs within this process, which never has the plugin; with it, in a process of its own.
+    """
+    modules = {path.stem for path in folder.glob("site/*.py")}
 
     def run(*arguments: object, plugin: bool = True, status: int = 0) -> subprocess.CompletedProcess[str]:
-        environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-        if plugin:
-            environment["PYTHONPATH"] = str(folder / "site")
+        if not plugin:
+            assert modules.isdisjoint(sys.modules)
+            with chdir(folder):
+                done = in_process(*arguments)
+            assert done.returncode == status, done.stderr
+            return done
+        environment = {**os.environ, "PYTHONPATH": str(folder / "site")}
         line = [sys.executable, "-m", "symaware_cli", *map(str, arguments)]
         done = subprocess.run(
             line, cwd=folder, env=environment, capture_output=True, text=True, timeout=300, check=False

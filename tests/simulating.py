@@ -39,6 +39,19 @@ def made(kind: type[Plugged], **parameters: Any) -> Plugged:
     return kind(kind.Parameters(**parameters))
 
 
+def in_process(*arguments: object) -> subprocess.CompletedProcess[str]:
+    """Run `symaware ARGUMENTS` within this process."""
+    from typer.testing import CliRunner
+
+    from symaware_cli.cli.application import application
+
+    line = [str(argument) for argument in arguments]
+    result = CliRunner().invoke(application, line, prog_name="symaware")
+    if result.exception is not None and not isinstance(result.exception, SystemExit):
+        raise result.exception
+    return subprocess.CompletedProcess(["symaware", *line], result.exit_code, result.stdout, result.stderr)
+
+
 def untyped(value: object) -> Any:
     """Return a value without its static type, for attributes of its class that the type lacks."""
     return value

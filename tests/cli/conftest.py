@@ -4,10 +4,7 @@ import subprocess
 from typing import Any
 
 import pytest
-from simulating import Command
-from typer.testing import CliRunner
-
-from symaware_cli.cli.application import application
+from simulating import Command, in_process
 
 
 @pytest.fixture
@@ -20,10 +17,6 @@ def command(process: Command) -> Command:
     def run(*arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:
         if options:
             return process(*arguments, **options)
-        line = [str(argument) for argument in arguments]
-        result = CliRunner().invoke(application, line, prog_name="symaware")
-        if result.exception is not None and not isinstance(result.exception, SystemExit):
-            raise result.exception
-        return subprocess.CompletedProcess(["symaware", *line], result.exit_code, result.stdout, result.stderr)
+        return in_process(*arguments)
 
     return run

@@ -60,13 +60,11 @@ SPEED: dict[str, Any] = {
     "parameters.fast": {"uniform": [0.5, 3.0]},
 }
 
-#: Five planted faults: the distance that counts as a violation, and the varied parameters.
+#: Planted faults: the distance that counts as a violation, and the varied parameters.
 PLANTED: dict[str, tuple[float, dict[str, Any]]] = {
-    "near": (1.0, START),
-    "nearer": (0.5, START),
-    "fast": (0.5, {**START, "parameters.fast": {"uniform": [0.5, 5]}}),
+    "near": (0.5, START),
     "all": (0.5, {**START, **SPEED}),
-    "farther": (1.0, FAR),
+    "far": (1.0, FAR),
 }
 
 #: A component that ends the process of its run.
@@ -307,10 +305,10 @@ def test_invalid_searches_are_rejected(tmp_path: Path, options: tuple[str, ...],
 def test_searches_find_planted_faults_with_fewer_runs_than_random_draws(tmp_path: Path) -> None:
     medians = dict.fromkeys(method_names(), 0.0)
     for clear, over in PLANTED.values():
+        scenario = crossing(tmp_path, clear)
         for method in method_names():
             made = [
-                sa.falsify(crossing(tmp_path, clear), "apart", over=over, runs=600, seed=seed, method=method).result
-                for seed in range(9)
+                sa.falsify(scenario, "apart", over=over, runs=600, seed=seed, method=method).result for seed in range(9)
             ]
             assert all(each.found is not None for each in made)
             medians[method] += statistics.median(each.runs for each in made)

@@ -64,9 +64,10 @@ def installed(request: pytest.FixtureRequest, tmp_path: Path) -> Installed:
     def install(*what: object) -> tuple[str | None, str]:
         if uv and request.param == "uv":
             line: list[object] = [uv, "pip", "install", "--quiet", "--python", python, "--no-deps", "--reinstall"]
+            line += ["--no-build-isolation"]
         else:
             line = [sys.executable, "-m", "pip", "--python", python, "install", "--quiet", "--no-deps"]
-            line += ["--force-reinstall", "--no-warn-script-location"]
+            line += ["--force-reinstall", "--no-warn-script-location", "--no-build-isolation"]
         subprocess.run([str(each) for each in (*line, *what)], check=True, env=kept, timeout=300)
         return described()
 
@@ -91,7 +92,8 @@ def versions_of(log: Path) -> dict[str, str]:
 
 
 def test_a_wheel_is_named_with_its_hash(installed: Installed, repository: Path, tmp_path: Path) -> None:
-    line = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--wheel-dir", tmp_path, repository]
+    line = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
+    line += ["--wheel-dir", tmp_path, repository]
     subprocess.run([str(each) for each in line], check=True, timeout=300)
     (wheel,) = tmp_path.glob("*.whl")
     origin, commands = installed(wheel)

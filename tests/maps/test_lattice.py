@@ -15,7 +15,7 @@ from symaware_cli.maps.lattice import HEADINGS, TURNS, Lattice, LatticeSearch, p
 
 BODY, TIGHTEST = 0.2, 0.8
 #: How many random maps the slow tests try.
-MAPS = int(os.environ.get("SYMAWARE_MAPS", "100"))
+MAPS = int(os.environ.get("SYMAWARE_MAPS", "30"))
 
 
 def search(found: RandomMap, heading: float, side: float = 0.4) -> LatticeSearch:

@@ -15,7 +15,7 @@ from symaware_cli.maps.roadmap import Roadmap
 
 RADIUS = 0.25
 #: How many random maps the slow tests try.
-MAPS = int(os.environ.get("SYMAWARE_MAPS", "100"))
+MAPS = int(os.environ.get("SYMAWARE_MAPS", "30"))
 
 
 def roadmap(seed: int, space: FreeSpace, samples: int = 400) -> Roadmap:

@@ -45,9 +45,10 @@ def test_paths_are_free_never_longer_with_iterations_and_nearly_the_shortest() -
 
 @pytest.mark.slow
 def test_after_five_thousand_iterations_the_median_is_within_two_percent_of_the_shortest() -> None:
-    ratios = [check(seed, [200, 1000, 5000]) for seed in range(20)]
+    # That fewer iterations give no shorter path is shown above.
+    ratios = [check(seed, [5000]) for seed in range(9)]
     ratios = [ratio for ratio in ratios if not np.isnan(ratio)]
-    assert len(ratios) >= 15
+    assert len(ratios) >= 7
     assert float(np.median(ratios)) < 1.02
 
 

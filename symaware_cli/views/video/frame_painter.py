@@ -277,6 +277,7 @@ class FramePainter:
 
     def _draw_trails(self, time: int) -> None:
         """Draw past positions, fainter with age."""
+        lines, colours = list[Array](), list[Array]()
         for path, parts in self._trails.items():
             self._trails[path] = kept = [part for part in parts if part.times[-1] > time - self._trail]
             for mark in kept:
@@ -286,10 +287,12 @@ class FramePainter:
                 if end <= begin:
                     continue
                 ages = (time - np.repeat(mark.times, np.asarray(mark.counts, np.int64))[begin:end]) / self._trail
-                alphas = (0.85 - 0.75 * np.clip(ages, 0.0, 1.0)).tolist()
+                alphas = 0.85 - 0.75 * np.clip(ages, 0.0, 1.0)
                 tints = np.broadcast_to(np.asarray(mark.colours), (int(counts[-1]), 3))[begin:end]
-                colours = [_rgba(tint, alpha) for tint, alpha in zip(tints, alphas, strict=True)]
-                self._lines(list(mark.points.reshape(-1, 2, 3)[begin:end]), colours, 1.8, _TRAIL)
+                colours.append(np.column_stack([tints / 255.0, alphas]))
+                lines.append(mark.points.reshape(-1, 2, 3)[begin:end])
+        if lines:
+            self._lines(np.concatenate(lines), np.concatenate(colours), 1.8, _TRAIL)
 
     # ---- text
 
@@ -381,14 +384,30 @@ class FramePainter:
     # ---- lines and dots
 
     def _lines(
-        self, lines: Sequence[Array], colours: Sequence[Any], width: float, above: float, *, closed: bool = False
+        self,
+        lines: Sequence[Array] | Array,
+        colours: Sequence[Any] | Array,
+        width: float,
+        above: float,
+        *,
+        closed: bool = False,
     ) -> None:
         """Draw lines (m, 3) each [m]."""
-        seen = [self._viewpoint.project(line) for line in lines]
+        # Together if they have equally many points, as the thousands of pieces of trails have.
+        alike = len(set(map(len, lines))) == 1
+        seen: Sequence[Array] | Array = (
+            self._viewpoint.project(np.asarray(lines)) if alike else list(map(self._viewpoint.project, lines))
+        )
         self._flat_lines(seen, colours, width, above, closed=closed)
 
     def _flat_lines(
-        self, lines: Sequence[Array], colours: Sequence[Any], width: float, above: float, *, closed: bool = False
+        self,
+        lines: Sequence[Array] | Array,
+        colours: Sequence[Any] | Array,
+        width: float,
+        above: float,
+        *,
+        closed: bool = False,
     ) -> None:
         """Draw lines (m, 2) each [m]."""
         shown = [np.concatenate([line, line[:1]]) if closed else line for line in lines]
