@@ -110,11 +110,12 @@ class Column:
 
     def take_changes(self) -> Sequence[int] | None:
         """Return the rows written since the last call, ascending; None stands for every row."""
-        every, changed = self._every or len(self._changed) == len(self._array), self._changed
+        every, changed = self._every, self._changed
         self._every = False
-        if changed:
-            self._changed = set()
-        return None if every else sorted(changed)
+        if not changed:
+            return None if every else []
+        self._changed = set()
+        return None if every or len(changed) == len(self._array) else sorted(changed)
 
     def mark(self, rows: Sequence[int] | None) -> None:
         """Mark rows as written since the last call of `take_changes`; None stands for all rows."""
@@ -256,7 +257,10 @@ class TableColumn:
 
     def take_changes(self) -> Sequence[int] | None:
         """Return the rows written since the last call, ascending; None stands for every row."""
-        changed, self._changed = self._changed, set()
+        changed = self._changed
+        if not changed:
+            return []
+        self._changed = set()
         return None if len(changed) == len(self._tables) else sorted(changed)
 
     def _sound(self, table: ArrayLike) -> Array:

@@ -225,8 +225,9 @@ class SeriesColumn:
         """Return the rows written since the last call, ascending; None stands for every row."""
         every, changed = self._every, self._changed
         self._every = False
-        if changed:
-            self._changed = set()
+        if not changed:
+            return None if every else []
+        self._changed = set()
         return None if every else sorted(changed)
 
     def maxima(self) -> Array:

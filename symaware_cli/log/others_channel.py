@@ -42,10 +42,10 @@ class OthersChannel:
         if own is not None and not own:
             return 0
         rows, content = self._changed_states(now, own)
-        for part, changes in sorted(self._group.awareness.others_changed.items()):
-            if changes:
-                changed, series = self._changed_series(part, own)
-                rows, content = rows + changed, content + series
+        others_changed = self._group.awareness.others_changed
+        for part in sorted([part for part, changes in others_changed.items() if changes]):
+            changed, series = self._changed_series(part, own)
+            rows, content = rows + changed, content + series
         if content:
             self._writer.add(self._channel, now, content)
         return rows
@@ -75,6 +75,8 @@ class OthersChannel:
     def _take_changes(self, part: str, own: list[int] | None) -> list[int]:
         """Return the rows whose own beliefs changed since the last record, ascending, and reset the changes."""
         changed = self._group.awareness.others_changed[part]
+        if not changed:
+            return []
         rows = _recorded(sorted(changed), own)
         changed.clear()
         return rows
