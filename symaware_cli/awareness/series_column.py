@@ -173,7 +173,9 @@ class SeriesColumn:
         since, beyond, rows = self._since, [], self._rows
         if since is None and self._deferred is None and not self.bounds.includes(self._values):
             beyond = [row for row in self.bounds.rows_beyond(self._values) if row not in rows]
-        for row in sorted(rows if since is None else since):
+        if not rows:
+            return beyond
+        for row in rows if since is None else since:
             if row in rows and not self.bounds.includes(rows[row].values):
                 beyond.append(row)
         return sorted(beyond)
