@@ -248,7 +248,7 @@ class MessageExchange:
         Returns:
             Whether there were any.
         """
-        if not len(self._outbox):
+        if not self._outbox.drafts:
             return False
         for batch in self._outbox.empty():
             self._dispatch(batch, self.now)

@@ -242,8 +242,8 @@ class TurnScheduler:
         try:
             if entry.turns and not self._simulation.events.turns_wanted:
                 # The same as `compute_and_update` without subscribers, in half the time.
-                turns = entry.turns if rows is None else [entry.turns[row] for row in rows]
-                self.turns += len(turns)
+                turns = entry.turns if rows is None else map(entry.turns.__getitem__, rows)
+                self.turns += len(entry.turns if rows is None else rows)
                 for component, compute, update in turns:  # noqa: B007 (tells which one raised)
                     value = compute()
                     update(value)
