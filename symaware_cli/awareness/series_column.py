@@ -138,7 +138,8 @@ class SeriesColumn:
         """
         if not isinstance(series, TimeSeries):
             raise TypeError(f"expected a TimeSeries, not {type(series).__name__}")
-        self.settle()
+        if self._deferred is not None:
+            self.settle()
         empty = series.times.size == 0
         if empty and self._times is None and index not in self._rows:
             return  # empty before and now: not a change to record
