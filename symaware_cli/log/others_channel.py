@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, AwarenessDatabase, Roster, Snapshot, Tracks
 from symaware_cli.log import others_message
-from symaware_cli.log.writer import LogWriter
+from symaware_cli.log.writer import Message
 from symaware_cli.world import SECOND
 
 #: No row changed, and nothing is written.
@@ -20,16 +20,14 @@ _NOTHING = (0, b"")
 class OthersChannel:
     """The channel `/agents/<group>/awareness`: for each row that changed, all its beliefs of a part."""
 
-    def __init__(self, writer: LogWriter, channel: int, group: AgentGroup, roster: Roster) -> None:
+    def __init__(self, channel: int, group: AgentGroup, roster: Roster) -> None:
         """Initialise the channel; nothing has been recorded yet.
 
         Args:
-            writer: The log.
             channel: The number of the open channel.
             group: The group whose beliefs are recorded.
             roster: The roster of all agents.
         """
-        self._writer = writer
         self._channel = channel
         self._group = group
         self._roster = roster
@@ -37,7 +35,7 @@ class OthersChannel:
         #: For each part: the rows whose last record holds a series.
         self._said: defaultdict[str, set[int]] = defaultdict(set)
 
-    def record(self, now: int, own: list[int] | None) -> int:
+    def record(self, now: int, own: list[int] | None, messages: list[Message]) -> int:
         """Record the changes of the given rows, None for all, and return the number of rows that changed."""
         if own is not None and not own:
             return 0
@@ -47,7 +45,7 @@ class OthersChannel:
             changed, series = self._changed_series(part, own)
             rows, content = rows + changed, content + series
         if content:
-            self._writer.add(self._channel, now, content)
+            messages.append((self._channel, content))
         return rows
 
     def _changed_states(self, now: int, own: list[int] | None) -> tuple[int, bytes]:

@@ -12,7 +12,7 @@ import stat
 import struct
 import threading
 import zlib
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, ClassVar
@@ -41,6 +41,9 @@ from symaware_cli.log.output import note_output
 
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode 5, length, channel, sequence, log time, publish time
 _MESSAGE_HEADER = _MESSAGE.size - 9
+
+Message = tuple[int, bytes]
+"""The id of the channel and the serialised content of a message."""
 
 MessageWatch = Callable[[str, int, bytes], object]
 """A function that is called with the topic, the time [ns] and the data of each message."""
@@ -210,33 +213,40 @@ class LogWriter:
             KeyError: The channel does not exist.
             ValueError: The time is negative or before that of the previous message, or the log has 2^32 messages.
         """
+        self.add_all(time_ns, ((channel_id, data),))
+
+    def add_all(self, time_ns: int, messages: Sequence[Message]) -> None:
+        """Add messages of one instant, in order; see `add`."""
         with self._lock:
             if not self._open:
                 self._refuse()
             if time_ns < self._time:
                 raise ValueError(f"a message at {time_ns} ns after one at {self._time} ns")
-            positions, chunk = self._positions[channel_id], self._chunk
-            length = _MESSAGE_HEADER + len(data)
-            if len(chunk) + 9 + length > CHUNK_SIZE:
-                self._make_room(channel_id, len(data))
-            # Numbered separately, so that they do not shift the sequence numbers of other messages.
-            is_timing = channel_id == self.timing
-            sequence = self._timing_sequence if is_timing else self._sequence
-            try:
-                head = _MESSAGE.pack(5, length, channel_id, sequence, time_ns, time_ns)
-            except struct.error as error:
-                raise ValueError(f"message {sequence} at {time_ns} ns is out of range") from error
-            if not chunk:
-                self._chunk_start = time_ns
-            positions += (time_ns, len(chunk))
-            chunk += head + data
-            self._time = time_ns
-            if is_timing:
-                self._timing_sequence += 1
-                return
-            self._sequence += 1
-        if self._on_message is not None:
-            self._on_message(self._summary.channels[channel_id - 1].topic, time_ns, data)
+            chunk, timing, watch = self._chunk, self.timing, self._on_message
+            for channel_id, data in messages:
+                positions = self._positions[channel_id]
+                length = _MESSAGE_HEADER + len(data)
+                if len(chunk) + 9 + length > CHUNK_SIZE:
+                    self._make_room(channel_id, len(data))
+                # Numbered separately, so that they do not shift the sequence numbers of other messages.
+                sequence = self._timing_sequence if channel_id == timing else self._sequence
+                try:
+                    head = _MESSAGE.pack(5, length, channel_id, sequence, time_ns, time_ns)
+                except struct.error as error:
+                    raise ValueError(f"message {sequence} at {time_ns} ns is out of range") from error
+                if not chunk:
+                    self._chunk_start = time_ns
+                positions += (time_ns, len(chunk))
+                chunk += head + data
+                self._time = time_ns
+                if channel_id == timing:
+                    self._timing_sequence += 1
+                    continue
+                self._sequence += 1
+        if watch is not None:
+            for channel_id, data in messages:
+                if channel_id != timing:
+                    watch(self._summary.channels[channel_id - 1].topic, time_ns, data)
 
     def _make_room(self, channel_id: int, size: int) -> None:
         """End the chunk, as a message of a size [bytes] does not fit into it; a large message has one of its own."""
