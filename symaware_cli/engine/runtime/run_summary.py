@@ -151,7 +151,7 @@ class Observer:
         )
         self._no_headings = np.zeros(len(self._bodies))
         #: The ids of each group, and the risks of its agents.
-        self._risks = [(group.ids, group.awareness.risk) for group in simulation.groups]
+        self._risk_columns = [(group.ids, group.awareness.risk) for group in simulation.groups]
         self._separation = math.inf
         self._separation_time = 0
         self._separation_pair: tuple[int, ...] = (0, 0)
@@ -203,7 +203,7 @@ class Observer:
     def peak(self) -> tuple[float, str] | None:
         """The greatest risk that an agent estimates now, and the first such agent in the roster; None without risks."""
         peaks = []
-        for ids, risks in self._risks:
+        for ids, risks in self._risk_columns:
             peak = None if risks.is_unwritten else risks.maximum()
             if peak is not None:
                 peaks.append((peak[0], ids[peak[1]]))
