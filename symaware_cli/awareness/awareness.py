@@ -286,6 +286,26 @@ class SelfAwareness(AwarenessVector):
         column = self._awareness.columns.get(name) or self._awareness._column(name)
         column.set_row(self._row, value)  # type: ignore[arg-type]
 
+    # Written by many components of single agents in each turn, so without a search for the column.
+
+    @property
+    def state(self) -> Array:
+        """A copy of the agent's belief of its own state; shape (nx,)."""
+        return self._awareness.state_column.row(self._row)
+
+    @state.setter
+    def state(self, value: ArrayLike) -> None:
+        self._awareness.state_column.set_row(self._row, value)
+
+    @property
+    def intent(self) -> TimeSeries:
+        """The intended motion."""
+        return self._awareness.intent.row(self._row)
+
+    @intent.setter
+    def intent(self, series: TimeSeries) -> None:
+        self._awareness.intent.set_row(self._row, series)
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._awareness.parts)
 

@@ -6,7 +6,8 @@ values that were read never alias values that are written later.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -25,9 +26,17 @@ class Column:
         fresh: Whether something was written since `take_beyond` was last called.
         writes: The number of times that the whole column or a row was written, without `restore`. It shows whether
             another component has written since, also in another process.
+        verified: An array that was found to be within bounds elsewhere: where it is written as it is, it is not looked
+            at again. So true states that are perceived without errors are looked at once, where they are made.
     """
 
-    __slots__ = ("_array", "_changed", "_every", "_own", "_restored", "_shape", "_since", "bounds", "fresh", "writes")
+    #: No state: an array that is not known yet is looked at.
+    uncaptured: ClassVar[Collection[str]] = ("verified",)
+
+    __slots__ = (
+        *("_array", "_changed", "_every", "_own", "_restored", "_shape", "_since"),
+        *("bounds", "fresh", "verified", "writes"),
+    )
 
     def __init__(self, values: ArrayLike, bounds: ValueRange = FINITE, *, fresh: bool = True) -> None:
         """Begin with some values.
@@ -40,6 +49,7 @@ class Column:
         self.bounds = bounds
         self._array = frozen(values)
         self.writes = 0
+        self.verified: Array | None = None
         self._own = False  # whether the array was never returned, so that it may be written in place
         self._shape = self._array.shape[1:]
         self._changed: set[int] = set()
@@ -110,11 +120,12 @@ class Column:
 
     def take_changes(self) -> Sequence[int] | None:
         """Return the rows written since the last call, ascending; None stands for every row."""
-        every, changed = self._every or len(self._changed) == len(self._array), self._changed
+        every, changed = self._every, self._changed
         self._every = False
-        if changed:
-            self._changed = set()
-        return None if every else sorted(changed)
+        if not changed:
+            return None if every else []
+        self._changed = set()
+        return None if every or len(changed) == len(self._array) else sorted(changed)
 
     def mark(self, rows: Sequence[int] | None) -> None:
         """Mark rows as written since the last call of `take_changes`; None stands for all rows."""
@@ -125,7 +136,7 @@ class Column:
 
     def passes(self) -> bool:
         """Whether all rows are within bounds, so that `take_beyond` returns none; then they count as looked at."""
-        if not self.bounds.includes(self._array):
+        if self._array is not self.verified and not self.bounds.includes(self._array):
             return False
         self._since, self._restored, self.fresh = set(), None, False
         return True
@@ -256,7 +267,10 @@ class TableColumn:
 
     def take_changes(self) -> Sequence[int] | None:
         """Return the rows written since the last call, ascending; None stands for every row."""
-        changed, self._changed = self._changed, set()
+        changed = self._changed
+        if not changed:
+            return []
+        self._changed = set()
         return None if len(changed) == len(self._tables) else sorted(changed)
 
     def _sound(self, table: ArrayLike) -> Array:

@@ -234,8 +234,9 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
 
     @world.setter
     def world(self, snapshot: Snapshot | None) -> None:
-        self._world = snapshot
-        self._changed("state")
+        self._world, self._version = snapshot, None
+        self._awareness.holders.add(self._row)
+        self._awareness.others_changed["state"].add(self._row)
 
     def perceived(self, id: str) -> Array | None:
         """Return the motion of another by the group's components, without the agent's own; None if unknown."""

@@ -138,7 +138,8 @@ class SeriesColumn:
         """
         if not isinstance(series, TimeSeries):
             raise TypeError(f"expected a TimeSeries, not {type(series).__name__}")
-        self.settle()
+        if self._deferred is not None:
+            self.settle()
         empty = series.times.size == 0
         if empty and self._times is None and index not in self._rows:
             return  # empty before and now: not a change to record
@@ -173,7 +174,9 @@ class SeriesColumn:
         since, beyond, rows = self._since, [], self._rows
         if since is None and self._deferred is None and not self.bounds.includes(self._values):
             beyond = [row for row in self.bounds.rows_beyond(self._values) if row not in rows]
-        for row in sorted(rows if since is None else since):
+        if not rows:
+            return beyond
+        for row in rows if since is None else since:
             if row in rows and not self.bounds.includes(rows[row].values):
                 beyond.append(row)
         return sorted(beyond)
@@ -225,8 +228,9 @@ class SeriesColumn:
         """Return the rows written since the last call, ascending; None stands for every row."""
         every, changed = self._every, self._changed
         self._every = False
-        if changed:
-            self._changed = set()
+        if not changed:
+            return None if every else []
+        self._changed = set()
         return None if every else sorted(changed)
 
     def maxima(self) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +17,11 @@ from symaware_cli.log.json_text import as_json
 from symaware_cli.log.others_channel import OthersChannel
 from symaware_cli.log.sensor_channels import SensorChannels
 from symaware_cli.log.shared_channel import POSE, SHARED, shared_metadata
-from symaware_cli.log.writer import LogWriter
+from symaware_cli.log.writer import LogWriter, Message
 from symaware_cli.world import motion_quantities
+
+#: A channel, the column that it records, and the function that encodes some rows of the column, None for all.
+_Source: TypeAlias = tuple[int, SignalColumn, Callable[[Any, Sequence[int] | None], bytes]]
 
 
 class EntityChannels:
@@ -31,7 +34,6 @@ class EntityChannels:
             writer: The log.
             environment: The initialised world.
         """
-        self._writer = writer
         self._environment = environment
         #: For each channel: the names of its entities, and the values last recorded.
         self._shared: dict[int, tuple[Sequence[str], NDArray[np.float64] | None]] = {}
@@ -43,12 +45,12 @@ class EntityChannels:
                 channel = writer.channel(topic, "Rows", shared_metadata(names, columns))
                 self._shared[channel] = names, None
 
-    def record(self, now: int) -> None:
+    def record(self, messages: list[Message]) -> None:
         """Record the poses of the entities that moved."""
         for channel, (names, last) in self._shared.items():
             values = self._environment.entity_poses(names)
             self._shared[channel] = names, values
-            _record_changes(self._writer, channel, now, values, last)
+            _record_changes(messages, channel, values, last)
 
 
 class PostureChannels:
@@ -62,7 +64,6 @@ class PostureChannels:
             environment: The initialised world.
             name: The group or the obstacle.
         """
-        self._writer = writer
         self._name = name
         self._sources: list[tuple[int, Callable[[str], NDArray[np.float64] | None]]] = []
         self._last: dict[int, NDArray[np.float64]] = {}
@@ -79,13 +80,13 @@ class PostureChannels:
         """Whether any channel was opened."""
         return bool(self._sources)
 
-    def record(self, now: int, own: Sequence[int] | None = None) -> None:
+    def record(self, messages: list[Message], own: Sequence[int] | None = None) -> None:
         """Record the rows that changed; if some rows are given, all of these and no others."""
         for channel, read in self._sources:
             values, last = read(self._name), self._last.get(channel)
             if values is not None:
                 self._last[channel] = values
-                _record_changes(self._writer, channel, now, values, last, own)
+                _record_changes(messages, channel, values, last, own)
 
 
 class _PresentRows:
@@ -139,7 +140,6 @@ class GroupChannels:
         """
         self._rows = _PresentRows(group, own)
         self._there = _PresentRows(group)
-        self._writer = writer
         self._environment = environment
         self._group = group
         self._omit = frozenset(omit)
@@ -163,18 +163,22 @@ class GroupChannels:
         self._channels = {kind: writer.channel(*topic) for kind, topic in topics.items() if kind not in self._omit}
         self._postures = PostureChannels(writer, environment, group.name) if "world" in self._channels else None
         self._others = (
-            OthersChannel(writer, self._channels["awareness"], group, environment.roster)
+            OthersChannel(self._channels["awareness"], group, environment.roster)
             if "awareness" in self._channels
             else None
         )
         # There from the beginning, since a captured state can only be restored into objects that exist.
         self._sensors = SensorChannels(writer, group) if "sensors" not in self._omit else None
-        #: The columns of the parts of awareness whose channel is open.
+        #: The columns of the parts of awareness whose channel is open, of control inputs and of signals.
         self._parts = [
-            (self._channels[name], awareness.columns[name]) for name in awareness.parts if name in self._channels
+            self._source(self._channels[name], awareness.columns[name])
+            for name in awareness.parts
+            if name in self._channels
         ]
+        control = self._channels.get("requested_control")
+        self._control = [] if control is None else [self._source(control, group.control_column)]
         self._signals = [
-            (
+            self._source(
                 writer.channel(
                     signal_topic(group.name, field, signal), SIGNAL_MESSAGES[signal.kind], signal_metadata(signal)
                 ),
@@ -184,7 +188,15 @@ class GroupChannels:
             if self._omit.isdisjoint((field, "sensors" if signal.name == MEASUREMENT else signal.name))
         ]
 
-    def record(self, now: int, steps: int) -> int:
+    def _source(self, channel: int, column: SignalColumn) -> _Source:
+        """Return a column with its channel and the function that encodes its rows, chosen once by its kind."""
+        if isinstance(column, Column):
+            return channel, column, self._encode_column
+        if isinstance(column, TableColumn):
+            return channel, column, self._encode_tables
+        return channel, column, self._encode_series
+
+    def record(self, now: int, steps: int, messages: list[Message]) -> int:
         """Record the rows that changed and return their number, without those of true states.
 
         Parts of awareness, such as intents, and signals are recorded alike, by their kind.
@@ -192,97 +204,80 @@ class GroupChannels:
         Args:
             now: Simulated time in nanoseconds.
             steps: Number of steps completed.
+            messages: The messages of the instant, to which those of the group are added.
         """
-        channels, awareness = self._channels, self._group.awareness
-        updates = 0
+        channels, own = self._channels, self._rows.now
         if "world" in channels:
             truth = self._environment.state(self._group)
             if truth is not self._last_truth:
                 self._last_truth = truth
-                self._record_all(now, channels["world"], truth)
+                self._record_all(messages, channels["world"], truth)
                 if self._postures:
-                    self._postures.record(now, self._there.now)
+                    self._postures.record(messages, self._there.now)
         if "applied_control" in channels and steps > self._told_steps:
             # The inputs that were applied in the last step; only the world knows them.
             self._told_steps = steps
-            self._record_all(now, channels["applied_control"], self._environment.applied_input(self._group))
-        for channel, column in self._parts:
-            updates += self._record_any(now, channel, column)
+            self._record_all(messages, channels["applied_control"], self._environment.applied_input(self._group))
+        updates = self._record_columns(messages, self._parts, own)
         if self._others:
-            updates += self._others.record(now, self._rows.now)
-        if "requested_control" in channels:
-            updates += self._record_column(now, channels["requested_control"], self._group.control_column)
+            updates += self._others.record(now, own, messages)
+        updates += self._record_columns(messages, self._control, own)
         if "knowledge" in channels:
-            updates += self._record_knowledge(now, channels["knowledge"])
-        for channel, column in self._signals:
-            updates += self._record_any(now, channel, column)
-        if self._sensors and awareness.readings:
-            updates += self._sensors.record(now, self._rows.now)
+            updates += self._record_knowledge(messages, channels["knowledge"], own)
+        if self._signals:
+            updates += self._record_columns(messages, self._signals, own)
+        if self._sensors and self._group.awareness.readings:
+            updates += self._sensors.record(own, messages)
         return updates
 
-    def _record_all(self, now: int, channel: int, values: NDArray[np.float64]) -> None:
+    def _record_all(self, messages: list[Message], channel: int, values: NDArray[np.float64]) -> None:
         """Record the values of all rows that are present."""
         rows = self._there.now
         if rows is None:
-            self._writer.add(channel, now, wire.encode_rows(values))
+            messages.append((channel, wire.encode_rows(values)))
         elif rows:
-            self._writer.add(channel, now, wire.encode_rows(values[rows], rows))
+            messages.append((channel, wire.encode_rows(values[rows], rows)))
 
-    def _record_any(self, now: int, channel: int, column: SignalColumn) -> int:
-        if isinstance(column, Column):
-            return self._record_column(now, channel, column)
-        if isinstance(column, TableColumn):
-            return self._record_tables(now, channel, column)
-        return self._record_series(now, channel, column)
+    def _record_columns(self, messages: list[Message], sources: Sequence[_Source], own: Sequence[int] | None) -> int:
+        """Record the rows of columns that changed; if only some rows are recorded, those of them."""
+        updates = 0
+        for channel, column, encode in sources:
+            rows = column.take_changes()
+            if own is not None:
+                rows = own if rows is None else sorted({*rows} & {*own})
+            if rows is None:
+                updates += self._count
+            elif rows:
+                updates += len(rows)
+            else:
+                continue
+            messages.append((channel, encode(column, rows)))
+        return updates
 
-    def _changes(self, column: SignalColumn) -> Sequence[int] | None:
-        """Return the rows of a column that changed and are recorded; None for all."""
-        rows, own = column.take_changes(), self._rows.now
-        if own is None:
-            return rows
-        return own if rows is None else sorted({*rows} & {*own})
+    def _encode_column(self, column: Column, rows: Sequence[int] | None) -> bytes:
+        return wire.encode_rows(column.values) if rows is None else wire.encode_rows(column.values[rows], rows)
 
-    def _record_column(self, now: int, channel: int, column: Column) -> int:
-        rows = self._changes(column)
-        if rows is None:
-            self._writer.add(channel, now, wire.encode_rows(column.values))
-            return self._count
-        if rows:
-            self._writer.add(channel, now, wire.encode_rows(column.values[rows], rows))
-        return len(rows)
-
-    def _record_series(self, now: int, channel: int, column: SeriesColumn) -> int:
-        rows = self._changes(column)
-        if rows is not None and not rows:
-            return 0
-        shared = column.shared
-        if rows is None and shared:
-            self._writer.add(channel, now, wire.encode_series(*shared))
-            return self._count
-        chosen = range(self._count) if rows is None else rows
-        series = [column.row(row) for row in chosen]
+    def _encode_series(self, column: SeriesColumn, rows: Sequence[int] | None) -> bytes:
+        if rows is None and (shared := column.shared):
+            return wire.encode_series(*shared)
+        series = [column.row(row) for row in (range(self._count) if rows is None else rows)]
         width = max(each.values.shape[1] for each in series)
         lengths = [len(each) for each in series]
         times = np.concatenate([each.times for each in series])
         parts = [each.values for each in series if len(each)]
         values = np.concatenate(parts) if parts else np.empty((0, width))
-        self._writer.add(channel, now, wire.encode_series(times, values, lengths, rows))
-        return len(series)
+        return wire.encode_series(times, values, lengths, rows)
 
-    def _record_tables(self, now: int, channel: int, column: TableColumn) -> int:
-        rows = self._changes(column)
-        if rows is not None and not rows:
-            return 0
+    def _encode_tables(self, column: TableColumn, rows: Sequence[int] | None) -> bytes:
         tables = column.tables if rows is None else [column.row(row) for row in rows]
         lengths = [len(table) for table in tables]
-        self._writer.add(channel, now, wire.encode_tables(np.concatenate(tables), lengths, rows))
-        return len(tables)
+        return wire.encode_tables(np.concatenate(tables), lengths, rows)
 
-    def _record_knowledge(self, now: int, channel: int) -> int:
+    def _record_knowledge(self, messages: list[Message], channel: int, own: Sequence[int] | None) -> int:
         changed = self._group.knowledge_changes.rows
         if not changed:
             return 0
-        rows, own = sorted(changed), self._rows.now
+        rows = sorted(changed)
         changed.clear()
         if own is not None:
             rows = [row for row in rows if row in own]
@@ -293,14 +288,13 @@ class GroupChannels:
         )
         for row in rows:
             self._group.knowledge[row].changed = False
-        self._writer.add(channel, now, record.SerializeToString(deterministic=True))
+        messages.append((channel, record.SerializeToString(deterministic=True)))
         return len(rows)
 
 
 def _record_changes(
-    writer: LogWriter,
+    messages: list[Message],
     channel: int,
-    now: int,
     values: NDArray[np.float64],
     last: NDArray[np.float64] | None,
     own: Sequence[int] | None = None,
@@ -308,10 +302,10 @@ def _record_changes(
     """Record the rows that changed; if only some rows are recorded, all of these."""
     if own is not None:
         if own:
-            writer.add(channel, now, wire.encode_rows(values[list(own)], own))
+            messages.append((channel, wire.encode_rows(values[list(own)], own)))
         return
     rows = None if last is None else (values != last).any(axis=1).nonzero()[0]
     if rows is None or len(rows) == len(values):
-        writer.add(channel, now, wire.encode_rows(values))
+        messages.append((channel, wire.encode_rows(values)))
     elif len(rows):
-        writer.add(channel, now, wire.encode_rows(values[rows], rows))
+        messages.append((channel, wire.encode_rows(values[rows], rows)))

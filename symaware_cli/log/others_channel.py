@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import AgentGroup, AwarenessDatabase, Roster, Snapshot, Tracks
 from symaware_cli.log import others_message
-from symaware_cli.log.writer import LogWriter
+from symaware_cli.log.writer import Message
 from symaware_cli.world import SECOND
 
 #: No row changed, and nothing is written.
@@ -20,16 +20,14 @@ _NOTHING = (0, b"")
 class OthersChannel:
     """The channel `/agents/<group>/awareness`: for each row that changed, all its beliefs of a part."""
 
-    def __init__(self, writer: LogWriter, channel: int, group: AgentGroup, roster: Roster) -> None:
+    def __init__(self, channel: int, group: AgentGroup, roster: Roster) -> None:
         """Initialise the channel; nothing has been recorded yet.
 
         Args:
-            writer: The log.
             channel: The number of the open channel.
             group: The group whose beliefs are recorded.
             roster: The roster of all agents.
         """
-        self._writer = writer
         self._channel = channel
         self._group = group
         self._roster = roster
@@ -37,17 +35,17 @@ class OthersChannel:
         #: For each part: the rows whose last record holds a series.
         self._said: defaultdict[str, set[int]] = defaultdict(set)
 
-    def record(self, now: int, own: list[int] | None) -> int:
+    def record(self, now: int, own: list[int] | None, messages: list[Message]) -> int:
         """Record the changes of the given rows, None for all, and return the number of rows that changed."""
         if own is not None and not own:
             return 0
         rows, content = self._changed_states(now, own)
-        for part, changes in sorted(self._group.awareness.others_changed.items()):
-            if changes:
-                changed, series = self._changed_series(part, own)
-                rows, content = rows + changed, content + series
+        others_changed = self._group.awareness.others_changed
+        for part in sorted([part for part, changes in others_changed.items() if changes]):
+            changed, series = self._changed_series(part, own)
+            rows, content = rows + changed, content + series
         if content:
-            self._writer.add(self._channel, now, content)
+            messages.append((self._channel, content))
         return rows
 
     def _changed_states(self, now: int, own: list[int] | None) -> tuple[int, bytes]:
@@ -75,6 +73,8 @@ class OthersChannel:
     def _take_changes(self, part: str, own: list[int] | None) -> list[int]:
         """Return the rows whose own beliefs changed since the last record, ascending, and reset the changes."""
         changed = self._group.awareness.others_changed[part]
+        if not changed:
+            return []
         rows = _recorded(sorted(changed), own)
         changed.clear()
         return rows

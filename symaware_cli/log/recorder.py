@@ -21,7 +21,7 @@ from symaware_cli.log import wire
 from symaware_cli.log.group_channels import EntityChannels, GroupChannels, PostureChannels
 from symaware_cli.log.json_text import as_json
 from symaware_cli.log.names import INPUTS, KINDS
-from symaware_cli.log.writer import LogWriter
+from symaware_cli.log.writer import LogWriter, Message
 
 if TYPE_CHECKING:
     from symaware_cli.log.specifications import SpecificationRecorder
@@ -130,12 +130,17 @@ class Recorder:
         self._write_recurring(now)
         if now >= self._due:
             self._due = now + self._interval
-            for group in self._groups:
-                self.updates += group.record(now, steps)
-            if self._entities:
-                self._entities.record(now)
-            for posture in self._postures:
-                posture.record(now)
+            messages: list[Message] = []
+            try:
+                for group in self._groups:
+                    self.updates += group.record(now, steps, messages)
+                if self._entities:
+                    self._entities.record(messages)
+                for posture in self._postures:
+                    posture.record(messages)
+            finally:
+                # Also if a series that was deferred turns out to be not finite.
+                self.writer.add_all(now, messages)
         monotonic = time.monotonic()
         if monotonic >= self._timing_due:
             self._timing_due = monotonic + 1.0

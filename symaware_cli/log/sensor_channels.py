@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from symaware_cli.core import AgentGroup, Frame, Reading, Scan
 from symaware_cli.log import png
 from symaware_cli.log import symaware_v1_pb2 as v1
-from symaware_cli.log.writer import LogWriter
+from symaware_cli.log.writer import LogWriter, Message
 
 Array = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ class SensorChannels:
         self._channels: dict[str, int] = {}
         self._last: dict[str, Reading] = {}
 
-    def record(self, now: int, own: Sequence[int] | None) -> int:
+    def record(self, own: Sequence[int] | None, messages: list[Message]) -> int:
         """Record the new readings of the given rows, None for all, and return their number of rows."""
         updates = 0
         if own is not None and not own:
@@ -58,8 +58,7 @@ class SensorChannels:
             self._last[name] = reading
             if name not in self._channels:
                 self._channels[name] = self._open(name, reading)
-            for content in _contents(reading, own):
-                self._writer.add(self._channels[name], now, content)
+            messages += ((self._channels[name], content) for content in _contents(reading, own))
             updates += len(self._group if own is None else own)
         return updates
 

@@ -68,9 +68,21 @@ def packed(field: int, values: ArrayLike, dtype: np.dtype[Any]) -> bytes:
 
 
 @lru_cache(_KEPT)
+def _table_head(columns: int, length: int) -> bytes:
+    """Encode what precedes the bytes of the values of all rows."""
+    return number_field(1, columns) + _head(3, length)
+
+
+@lru_cache(_KEPT)
 def _length_field(field: int, length: int) -> bytes:
     """Encode the length that all rows share."""
     return packed(field, (length,), INDEX)
+
+
+@lru_cache(_KEPT)
+def _series_head(columns: int, points: int) -> bytes:
+    """Encode what precedes the bytes of the times that the series of all rows share."""
+    return number_field(1, columns) + _length_field(3, points) + _head(4, points * TIME.itemsize)
 
 
 def rows_field(field: int, rows: ArrayLike | None, count: int) -> bytes:
@@ -250,6 +262,9 @@ def encode_rows(values: ArrayLike, rows: ArrayLike | None = None) -> bytes:
         ValueError: The shapes are inconsistent.
     """
     table = table_of(values)
+    if rows is None:
+        data = np.asarray(table, FLOAT).tobytes()
+        return _table_head(table.shape[1], len(data)) + data
     return b"".join((number_field(1, table.shape[1]), rows_field(2, rows, len(table)), packed(3, table, FLOAT)))
 
 
@@ -272,6 +287,9 @@ def encode_series(
     if lengths is None:
         if table.ndim != 3 or points != (table.shape[1],):
             raise ValueError(f"values must be (rows, points, columns); got {table.shape} with times {points}")
+        if rows is None:
+            head, instants = _series_head(table.shape[2], points[0]), np.asarray(times, TIME).tobytes()
+            return b"".join((head, instants, packed(5, table, FLOAT)))
         count = len(table)
         length_field = _length_field(3, points[0])
     else:

@@ -12,7 +12,7 @@ import stat
 import struct
 import threading
 import zlib
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any, ClassVar
@@ -41,6 +41,9 @@ from symaware_cli.log.output import note_output
 
 _MESSAGE = struct.Struct("<BQHIQQ")  # opcode 5, length, channel, sequence, log time, publish time
 _MESSAGE_HEADER = _MESSAGE.size - 9
+
+Message = tuple[int, bytes]
+"""The id of the channel and the serialised content of a message."""
 
 MessageWatch = Callable[[str, int, bytes], object]
 """A function that is called with the topic, the time [ns] and the data of each message."""
@@ -210,15 +213,50 @@ class LogWriter:
             KeyError: The channel does not exist.
             ValueError: The time is negative or before that of the previous message, or the log has 2^32 messages.
         """
-        if channel_id == self.timing:
-            # Numbered separately, so that they do not shift the sequence numbers of other messages.
-            self._add(channel_id, time_ns, data, self._timing_sequence)
-            self._timing_sequence += 1
-        else:
-            self._add(channel_id, time_ns, data, self._sequence)
-            self._sequence += 1
-            if self._on_message is not None:
-                self._on_message(self._summary.channels[channel_id - 1].topic, time_ns, data)
+        self.add_all(time_ns, ((channel_id, data),))
+
+    def add_all(self, time_ns: int, messages: Sequence[Message]) -> None:
+        """Add messages of one instant, in order; see `add`."""
+        with self._lock:
+            if not self._open:
+                self._refuse()
+            if time_ns < self._time:
+                raise ValueError(f"a message at {time_ns} ns after one at {self._time} ns")
+            chunk, timing, watch = self._chunk, self.timing, self._on_message
+            for channel_id, data in messages:
+                positions = self._positions[channel_id]
+                length = _MESSAGE_HEADER + len(data)
+                if len(chunk) + 9 + length > CHUNK_SIZE:
+                    self._make_room(channel_id, len(data))
+                # Numbered separately, so that they do not shift the sequence numbers of other messages.
+                sequence = self._timing_sequence if channel_id == timing else self._sequence
+                try:
+                    head = _MESSAGE.pack(5, length, channel_id, sequence, time_ns, time_ns)
+                except struct.error as error:
+                    raise ValueError(f"message {sequence} at {time_ns} ns is out of range") from error
+                if not chunk:
+                    self._chunk_start = time_ns
+                positions += (time_ns, len(chunk))
+                chunk += head + data
+                self._time = time_ns
+                if channel_id == timing:
+                    self._timing_sequence += 1
+                    continue
+                self._sequence += 1
+        if watch is not None:
+            for channel_id, data in messages:
+                if channel_id != timing:
+                    watch(self._summary.channels[channel_id - 1].topic, time_ns, data)
+
+    def _make_room(self, channel_id: int, size: int) -> None:
+        """End the chunk, as a message of a size [bytes] does not fit into it; a large message has one of its own."""
+        if 9 + _MESSAGE_HEADER + size > LARGEST_CHUNK:
+            topic = self._summary.channels[channel_id - 1].topic
+            raise OutputError(
+                f"cannot write the log {self.path}: a message of {size:,} bytes on {topic} is larger than "
+                f"{LARGEST_CHUNK:,}, the most that a log holds in one"
+            )
+        self._end_chunk()
 
     def add_timing(
         self, time_ns: int, *, wall_time: float, cpu_time: float, steps: int, pace: PaceFigures = (0.0, 0, 0, 0.0)
@@ -236,33 +274,6 @@ class LogWriter:
         message = v1.Timing(wall_time=wall_time, cpu_time=cpu_time, steps=steps)
         message.pace, message.instants, message.late, message.worst_lateness = pace
         self.add(self.timing, time_ns, message.SerializeToString())
-
-    def _add(self, channel_id: int, time_ns: int, data: bytes, sequence: int) -> None:
-        with self._lock:
-            if not self._open:
-                self._refuse()
-            if time_ns < self._time:
-                raise ValueError(f"a message at {time_ns} ns after one at {self._time} ns")
-            positions = self._positions[channel_id]
-            chunk = self._chunk
-            length = _MESSAGE_HEADER + len(data)
-            if 9 + length > LARGEST_CHUNK:
-                topic = self._summary.channels[channel_id - 1].topic
-                raise OutputError(
-                    f"cannot write the log {self.path}: a message of {len(data):,} bytes on {topic} is larger than "
-                    f"{LARGEST_CHUNK:,}, the most that a log holds in one"
-                )
-            if chunk and len(chunk) + 9 + length > CHUNK_SIZE:
-                self._end_chunk()
-            try:
-                record = _MESSAGE.pack(5, length, channel_id, sequence, time_ns, time_ns) + data
-            except struct.error as error:
-                raise ValueError(f"message {sequence} at {time_ns} ns is out of range") from error
-            if not chunk:
-                self._chunk_start = time_ns
-            positions += (time_ns, len(chunk))
-            chunk += record
-            self._time = time_ns
 
     def flush(self) -> None:
         """End the chunk and hand it to the operating system, so that it survives the process.

@@ -22,7 +22,7 @@ from symaware_cli.engine.components.perception_imu import InertialUnit
 from symaware_cli.log import png
 from symaware_cli.log.error import UnknownNameError
 from symaware_cli.log.group_channels import GroupChannels
-from symaware_cli.log.writer import LogWriter
+from symaware_cli.log.writer import LogWriter, Message
 from symaware_cli.views.views import run_view_of
 
 
@@ -125,7 +125,9 @@ def test_each_part_of_a_distributed_run_has_readings_of_its_agents(tmp_path: Pat
         manifest = {"format": 1, "groups": {"robot": {"agents": list(group.ids)}}, "entities": {}, "roster": []}
         writer.attach("manifest.json", "application/json", json.dumps(manifest).encode())
         channels = GroupChannels(writer, ready.environment, group, (), [1])
-        channels.record(0, 0)
+        messages: list[Message] = []
+        channels.record(0, 0, messages)
+        writer.add_all(0, messages)
         writer.finish({})
     log = open_log(tmp_path / "part.mcap")
     (scan,) = log.scans()

@@ -248,7 +248,7 @@ class MessageExchange:
         Returns:
             Whether there were any.
         """
-        if not len(self._outbox):
+        if not self._outbox.drafts:
             return False
         for batch in self._outbox.empty():
             self._dispatch(batch, self.now)
@@ -358,9 +358,10 @@ class MessageExchange:
         """
         self.flush()
         self.now = now
-        if now % self._time_step == 0:
-            self.renew_links()
-        self._advance()
+        if self._transmission.network is not None:
+            if now % self._time_step == 0:
+                self.renew_links()
+            self._advance()
         for delivery, reason, sizes in self._in_transit.take(now):
             if self._present is not None:
                 reason = np.where((reason == 0) & ~self._present[delivery.receivers], np.uint8(ABSENT), reason)

@@ -47,16 +47,16 @@ class Outbox:
     """Joins single messages of one kind, whose payloads have the same names, to batches.
 
     Across all batches, the messages of each sender stay in the order in which it sent them.
+
+    Attributes:
+        drafts: The batches so far; public, since the exchange looks at each instant whether there are any.
     """
 
     def __init__(self) -> None:
-        self._drafts: list[_Draft] = []
+        self.drafts: list[_Draft] = []
         #: The last draft of each key, and the last draft of each sender.
         self._open: dict[_Key, int] = {}
         self._last: dict[int, int] = {}
-
-    def __len__(self) -> int:
-        return len(self._drafts)
 
     def put(self, sender: int, receiver: int | None, payload: Mapping[str, Any], kind: str) -> None:
         """Add a message.
@@ -69,10 +69,10 @@ class Outbox:
         """
         key, link = (kind, tuple(payload), receiver is None), (sender, receiver)
         number = self._open.get(key, -1)
-        if number < self._last.get(sender, 0) or link in self._drafts[number].links:
-            number = self._open[key] = len(self._drafts)
-            self._drafts.append(_Draft(key))
-        draft = self._drafts[number]
+        if number < self._last.get(sender, 0) or link in self.drafts[number].links:
+            number = self._open[key] = len(self.drafts)
+            self.drafts.append(_Draft(key))
+        draft = self.drafts[number]
         self._last[sender] = number
         draft.senders.append(sender)
         if receiver is not None:
@@ -82,6 +82,6 @@ class Outbox:
 
     def empty(self) -> list[MessageBatch]:
         """Remove and return all messages as batches."""
-        drafts = self._drafts
+        drafts = self.drafts
         self.__init__()  # type: ignore[misc]
         return [draft.batch() for draft in drafts]

@@ -29,6 +29,8 @@ class EnvironmentStepper:
         self._interruption = interruption
         self._episodes = ContactEpisodes(simulation.environment.debounce)
         self._restraints: list[Restraint] = []
+        #: The groups with the shapes of their control inputs.
+        self._groups = [(group, group.control_input.shape) for group in simulation.groups]
 
     def restrain(self, restraint: Restraint) -> None:
         """Hold agents back from the next step on."""
@@ -118,19 +120,20 @@ class EnvironmentStepper:
         Raises:
             RunError: A check failed, or the environment raised an exception.
         """
-        simulation = self._simulation
-        for group in simulation.groups:
+        environment, simulation = self._environment, self._simulation
+        for group, shape in self._groups:
             try:
-                truth, applied = self._environment.state(group), self._environment.applied_input(group)
-                if np.shape(applied) != group.control_input.shape:
-                    shapes = f"{np.shape(applied)} instead of {group.control_input.shape}"
-                    raise ValueError(f"`applied_input` of {group.name} has the shape {shapes}")
+                truth, applied = environment.state(group), environment.applied_input(group)
+                given = applied.shape if type(applied) is np.ndarray else np.shape(applied)
+                if given != shape:
+                    raise ValueError(f"`applied_input` of {group.name} has the shape {given} instead of {shape}")
             except BaseException as error:
-                raise self._simulation.environment_failure(error) from error
+                raise simulation.environment_failure(error) from error
             if not is_within(truth, FARTHEST):
                 row = next(row for row, state in enumerate(truth) if not is_within(state, FARTHEST))
                 problem = f"the state of {group.ids[row]} {said_of(truth[row])}"
                 raise RunError("environment", simulation.environment_use, simulation.clock.now, problem)
+            group.awareness.state_column.verified = truth
 
     def announce_contacts(self) -> None:
         """Fire `contact` for each contact that began or ended, and `touching` for each time that bodies met or parted.

@@ -150,6 +150,8 @@ class Observer:
             [shape.pieces[0] if shape else None for shape in shapes], [len(group) for group in groups]
         )
         self._no_headings = np.zeros(len(self._bodies))
+        #: The ids of each group, and the risks of its agents.
+        self._risk_columns = [(group.ids, group.awareness.risk) for group in simulation.groups]
         self._separation = math.inf
         self._separation_time = 0
         self._separation_pair: tuple[int, ...] = (0, 0)
@@ -200,11 +202,11 @@ class Observer:
 
     def peak(self) -> tuple[float, str] | None:
         """The greatest risk that an agent estimates now, and the first such agent in the roster; None without risks."""
-        peaks = [
-            (peak[0], group.ids[peak[1]])
-            for group in self._simulation.groups
-            if (peak := group.awareness.risk.maximum()) is not None
-        ]
+        peaks = []
+        for ids, risks in self._risk_columns:
+            peak = None if risks.is_unwritten else risks.maximum()
+            if peak is not None:
+                peaks.append((peak[0], ids[peak[1]]))
         if not self.reported:
             return max(peaks, key=lambda each: each[0]) if peaks else None
         index = self._environment.roster.index

@@ -113,7 +113,10 @@ class TurnScheduler:
         self._update_flags()
 
     def _update_flags(self) -> None:
-        """Determine whether turns are plain, that is, nothing but computing and updating, for agents not suspended."""
+        """Determine whether turns are plain, that is, nothing but computing and updating, for agents not suspended.
+
+        They are free if besides no agent is suspended.
+        """
         timing, supervision = self._timing, self.supervision
         self._takes_time = supervision.slows_down or not timing.latency.is_zero or timing.in_process
         self._plain = (
@@ -126,6 +129,7 @@ class TurnScheduler:
             and not self._takes_time
             and timing.period != 0
         )
+        self._is_free = self._plain and not supervision.suspended
 
     @property
     def failures(self) -> int:
@@ -215,16 +219,16 @@ class TurnScheduler:
         Raises:
             RunError: A component failed, and that ends the run.
         """
-        if not self._plain:
+        if self._is_free:
+            self._take_plain(rows)
+        elif not self._plain:
             self._take_each(range(len(self.entry.components)) if rows is None else rows)
             return
-        suspended = self.supervision.suspended
-        if not suspended:
-            self._take_plain(rows)
         elif (held := self.supervision.held()) is not None:
             with held:
                 self._take_plain(rows)
         else:
+            suspended = self.supervision.suspended
             rows = range(len(self.entry.components)) if rows is None else rows
             self._take_plain([row for row in rows if row not in suspended])
         self._guard.check(None)
@@ -238,8 +242,8 @@ class TurnScheduler:
         try:
             if entry.turns and not self._simulation.events.turns_wanted:
                 # The same as `compute_and_update` without subscribers, in half the time.
-                turns = entry.turns if rows is None else [entry.turns[row] for row in rows]
-                self.turns += len(turns)
+                turns = entry.turns if rows is None else map(entry.turns.__getitem__, rows)
+                self.turns += len(entry.turns if rows is None else rows)
                 for component, compute, update in turns:  # noqa: B007 (tells which one raised)
                     value = compute()
                     update(value)

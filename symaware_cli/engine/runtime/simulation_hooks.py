@@ -41,7 +41,7 @@ class SimulationHooks:
     """
 
     #: The recorder is captured with the log: a run without one can be restored as well.
-    uncaptured: ClassVar[Collection[str]] = ("_recorder", "_on_progress", "_progress_due")
+    uncaptured: ClassVar[Collection[str]] = ("_recorder", "_on_progress", "_progress_due", "settle")
 
     def __init__(
         self,
@@ -80,6 +80,8 @@ class SimulationHooks:
             on_progress: Called at intervals of wall time with simulated time in nanoseconds.
         """
         self.imposed: dict[AgentGroup, tuple[NDArray[np.bool_], Array]] = {}
+        #: Sends the messages of a round.
+        self.settle: Callable[[], bool] = simulation.exchange.flush
         self._simulation = simulation
         self._kernel = kernel
         self._stepper = stepper
@@ -120,10 +122,6 @@ class SimulationHooks:
             simulation.exchange.now = now
         if is_step and self._sharing:
             self._sharing.arrived()
-
-    def settle(self) -> bool:
-        """Send the messages of this round."""
-        return self._simulation.exchange.flush()
 
     def end(self, now: int, is_step: bool) -> str | None:
         """Record what changed; return why the run ends, if it does."""
@@ -171,15 +169,20 @@ class SimulationHooks:
 
     def step(self, upcoming: int) -> str | None:
         """Step the environment with the control inputs requested at the start of the step."""
-        present = [(column, column.exchange(values)) for column, values in self._latched or ()]
+        if self._latched is None:
+            return self._move()
+        present = [(column, column.exchange(values)) for column, values in self._latched]
         try:
-            if self._sharing:
-                return self._sharing.step()
-            self._stepper.step()
-            return None
+            return self._move()
         finally:
             for column, values in present:
                 column.exchange(values)
+
+    def _move(self) -> str | None:
+        if self._sharing:
+            return self._sharing.step()
+        self._stepper.step()
+        return None
 
     def stepped(self) -> None:
         """Check the new state of the environment, and announce contacts and progress."""

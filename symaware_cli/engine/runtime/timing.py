@@ -132,7 +132,8 @@ class Timetable:
         while True:
             nominal = time = self._offset + number * period
             if self._jitter:
-                time += self._late(number)
+                place = number - self._first
+                time += self._delays[place] if 0 <= place < len(self._delays) else self._late(number)
             if grid:
                 time = -(-time // grid) * grid
             if time >= earliest:
@@ -140,16 +141,14 @@ class Timetable:
             number += 1 if self._jitter else (before - nominal) // period + 1
 
     def _late(self, number: int) -> int:
-        """The delay of a turn, in nanoseconds."""
-        place = number - self._first
-        if not 0 <= place < len(self._delays):
-            # Drawn in blocks, which is much faster and gives the same numbers.
-            self._first, place = number, 0
-            start = np.uint64(self._offset + number * self._period)
-            instants = np.arange(_BLOCK, dtype=np.uint64) * np.uint64(self._period) + start
-            drawn = uniform(instants, np.zeros_like(instants), self._key, 1)[:, 0]
-            self._delays = np.rint(drawn * self._jitter).astype(np.int64).tolist()
-        return self._delays[place]
+        """Draw the delays of a turn and of those that follow it; return that of the turn, in nanoseconds."""
+        # Drawn in blocks, which is much faster and gives the same numbers.
+        self._first = number
+        start = np.uint64(self._offset + number * self._period)
+        instants = np.arange(_BLOCK, dtype=np.uint64) * np.uint64(self._period) + start
+        drawn = uniform(instants, np.zeros_like(instants), self._key, 1)[:, 0]
+        self._delays = np.rint(drawn * self._jitter).astype(np.int64).tolist()
+        return self._delays[0]
 
 
 def concerned(event: Event, trigger: Trigger, group: str, rows: Mapping[str, int]) -> Collection[int]:

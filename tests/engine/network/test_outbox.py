@@ -28,7 +28,7 @@ def joined(sends: Sequence[tuple[int, Any, tuple[str, ...], str]]) -> list[Messa
     for place, (sender, receiver, names, kind) in enumerate(sends):
         outbox.put(sender, receiver, dict.fromkeys(names, place), kind)
     batches = outbox.empty()
-    assert len(outbox) == 0
+    assert not outbox.drafts
     return batches
 
 
