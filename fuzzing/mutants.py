@@ -17,6 +17,7 @@ from __future__ import annotations
 import argparse
 import ast
 import copy
+import inspect
 import json
 import os
 import random
@@ -175,7 +176,9 @@ def marked(source: str, chosen: Iterable[Mutant], record: Path) -> str:
 
 
 def reach(record: str, name: str) -> None:
-    """Record that the present test reaches a mutant."""
+    """Record that the present test reaches a mutant; not while a module is imported, whichever test is the first."""
+    if not sys._getframe(1).f_code.co_flags & inspect.CO_OPTIMIZED:
+        return
     line = json.dumps([name, os.environ.get("PYTEST_CURRENT_TEST", "")])
     if line not in _recorded:
         _recorded.add(line)
