@@ -208,8 +208,8 @@ def test_an_external_input_fires_an_event_with_it(mode: Mode) -> None:
     found: list[Event] = []
     ready.events.subscribe("external-input", found.append)
     execute(ready, 2, options=RunOptions(mode=mode))
-    assert [(event.source, event.data) for event in found] == [("agents.a.ask", {"answer": {"speed": 2.0}})] * len(found)
-    assert len(found) >= 2
+    assert {event.source for event in found} == {"agents.a.ask"}
+    assert [event.data for event in found] == [{"answer": {"speed": 2.0}}] * len(found)
 
 
 def test_an_event_knows_its_agent_and_what_was_computed() -> None:
