@@ -129,6 +129,14 @@ def test_positions_and_motions_become_the_same_rows_whole_as_one_by_one(ready: S
         assert np.array_equal(motions[places[id]], alone, equal_nan=True)
 
 
+def test_beliefs_about_others_are_equal_in_another_process(ready: Simulation) -> None:
+    database = ready.groups[0].agents[0].awareness_database
+    database["robot.2"] = AwarenessVector("robot.2", [7.0, 7.0, 0.0, 1.0])
+    copied = pickle.loads(pickle.dumps(database.others))
+    assert [*copied] == [*database.others]
+    assert copied["robot.2"].state.tolist() == [7.0, 7.0, 0.0, 1.0]
+
+
 def test_views_are_cached_and_bulk_access_creates_none(ready: Simulation) -> None:
     group = ready.groups[0]
     group.awareness.world = ready.environment.snapshot()
