@@ -34,10 +34,13 @@ def test_a_seed_draws_the_same_mutants_from_each_folder_again() -> None:
     assert shares == dict(zip(FOLDERS, (2, 2, 2, 2, 1, 1), strict=True))
 
 
-def test_every_mutant_compiles_and_is_another_module() -> None:
-    for mutant in drawn(200, seed=5):
+def test_every_mutant_compiles_and_is_another_module_and_so_does_a_module_with_marks() -> None:
+    chosen = drawn(200, seed=5)
+    for mutant in chosen:
         source = Path(mutant.path).read_text()
         assert ast.dump(ast.parse(mutant.applied(source))) != ast.dump(ast.parse(source))
+    for path in {mutant.path for mutant in chosen}:
+        ast.parse(marked(Path(path).read_text(), [each for each in chosen if each.path == path], Path("record")))
 
 
 def test_operators_conditions_constants_results_and_calls_are_changed(tmp_path: Path) -> None:
@@ -69,12 +72,6 @@ def test_a_module_with_marks_does_the_same_on_the_same_lines_and_records_who_rea
     assert {name for name, _ in found} == {mutant.name for mutant in chosen if mutant.line < 5}  # 7 is of the module
     assert {test.partition(" ")[0] for _, test in found} == {os.environ["PYTEST_CURRENT_TEST"].partition(" ")[0]}
     assert len(found) == len(chosen) - 1
-
-
-def test_every_module_with_marks_compiles() -> None:
-    chosen = drawn(600, seed=6)
-    for path in {mutant.path for mutant in chosen}:
-        ast.parse(marked(Path(path).read_text(), [each for each in chosen if each.path == path], Path("record")))
 
 
 def test_tests_of_the_folder_come_first_and_what_prepares_one_stands_for_all_of_its_file() -> None:

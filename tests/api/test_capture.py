@@ -79,7 +79,7 @@ def test_restoring_the_state_at_the_start_is_a_reset_with_all_messages(name: str
 def test_a_log_that_went_back_and_ended_holds_nothing_of_what_it_discarded(tmp_path: Path) -> None:
     with sa.load(SCENARIOS / "hello.yaml").start(output=tmp_path / "hello.mcap") as simulation:
         state = simulation.capture()
-        simulation.step(100)
+        simulation.step(40)
         simulation.capture()  # writes what the log holds in memory
         simulation.restore(state)
     content = (tmp_path / "hello.mcap").read_bytes()

@@ -287,7 +287,9 @@ def test_a_model_moves_only_in_worlds_with_the_features_that_it_needs(provided: 
         needs = ("wheels", "wings")
 
     class Sky(KinematicEnvironment):
-        provides = provided
+        pass
+
+    untyped(Sky).provides = provided
 
     def begin() -> None:
         made(Sky).initialise([group_of(made(Bird))], {}, 7)
