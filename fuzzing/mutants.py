@@ -194,6 +194,7 @@ def record_reached(chosen: list[Mutant], tree: Path, record: Path) -> None:
 
     Tests that fail because of what is inserted have recorded what they reached before.
     """
+    record.touch()
     sources = {tree / path: (tree / path).read_text() for path in {mutant.path for mutant in chosen}}
     for module, source in sources.items():
         module.write_text(marked(source, (each for each in chosen if tree / each.path == module), record))
@@ -299,7 +300,9 @@ def main() -> None:
         tree = Path(folder) / "tree"
         shutil.copytree(".", tree, ignore=shutil.ignore_patterns(".git", ".venv", ".fuzz", ".peers", "__pycache__"))
         if not record.exists():
-            record_reached(chosen, tree, record)
+            # What a run that was stopped has recorded is not all.
+            record_reached(chosen, tree, Path(folder) / "reached")
+            shutil.move(Path(folder) / "reached", record)
         reached: dict[str, list[str]] = {}
         for name, test in map(json.loads, record.read_text().splitlines()):
             reached.setdefault(name, []).append(test)
