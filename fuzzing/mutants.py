@@ -2,11 +2,14 @@
 
     .venv/bin/python -m fuzzing.mutants [--count 60] [--seed 1] [--output FILE]
 
-Each mutant is one changed operator, constant, condition, result or call in one of `FOLDERS`. Tests run against a copy
-of the checkout, in one process, until one of them fails, fails again, and does not fail without the mutant. They come
-in rounds: those nearest to the module for all mutants, then for those that are left all tests of its folder, and then
-`WIDER`. The verdicts stand in FILE, one JSON object a line and the last one of a mutant counts, so that a run that was
-stopped goes on where it was.
+Each mutant is one changed operator, constant, condition, result or call in one of `FOLDERS`. First the short tests run
+once, in a copy of the checkout where the place of each mutant records which tests reach it. Then each mutant is put
+into the copy, and the tests that reach it run in one process, until one of them fails, fails again, and does not fail
+without the mutant: first those of its folder for all mutants, then the others for those that are left. A mutant that
+no test reaches while it runs, as it is at the level of a module, has all tests of its folder.
+
+The verdicts are in FILE, one JSON object a line, of which the last one of a mutant counts, so that a run that was
+stopped continues. What tests reach is beside it, with the suffix `.reached`. Remove both after changes.
 """
 
 from __future__ import annotations
@@ -14,6 +17,7 @@ from __future__ import annotations
 import argparse
 import ast
 import copy
+import inspect
 import json
 import os
 import random
@@ -21,20 +25,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 PACKAGE = Path("symaware_cli")
 FOLDERS = ("awareness", "core", "world", "engine/runtime", "engine/network", "log")
-WIDER = (
-    "tests/api",
-    "tests/engine/components",
-    "tests/engine/environments",
-    "tests/language",
-    "tests/test_determinism.py",
-)
 TIME_LIMIT = 1200.0
 """Longest time for the tests of one mutant [s]; a mutant that hangs them counts as killed."""
 
@@ -65,6 +62,11 @@ class Mutant:
     end: int
     before: str
     after: str
+
+    @property
+    def name(self) -> str:
+        """Its place and its change."""
+        return f"{self.path}:{self.line}: {self.before} -> {self.after}"
 
     def applied(self, source: str) -> str:
         """The module with the change."""
@@ -159,18 +161,72 @@ def drawn(count: int, seed: int) -> list[Mutant]:
     return chosen
 
 
-def rounds(mutant: Mutant) -> list[list[str]]:
-    """The tests to try: of its folder those named like the module or its package, or importing it; all; wider ones."""
+def marked(source: str, chosen: Iterable[Mutant], record: Path) -> str:
+    """A module in which the places of some of its mutants call `reach`; no line moves."""
+    insertions = []
+    for mutant in chosen:
+        call = f"__import__('fuzzing.mutants', fromlist=['reach']).reach({str(record)!r}, {mutant.name!r})"
+        # Only expressions become expressions in parentheses.
+        opening, closing = (f"({call}, ", ")[1]") if mutant.after.startswith("(") else (f"{call}; ", "")
+        # At one place, what ends comes before what begins, and what is inside another ends first and begins last.
+        insertions += [(mutant.start, 1, -mutant.end, opening), (mutant.end, 0, -mutant.start, closing)]
+    for position, _, _, text in sorted(insertions, reverse=True):
+        source = source[:position] + text + source[position:]
+    return source
+
+
+def reach(record: str, name: str) -> None:
+    """Record that the present test reaches a mutant; not while a module is imported, whichever test is the first."""
+    if not sys._getframe(1).f_code.co_flags & inspect.CO_OPTIMIZED:
+        return
+    line = json.dumps([name, os.environ.get("PYTEST_CURRENT_TEST", "")])
+    if line not in _recorded:
+        _recorded.add(line)
+        with open(record, "a") as file:
+            file.write(f"{line}\n")
+
+
+_recorded: set[str] = set()
+
+
+def record_reached(chosen: list[Mutant], tree: Path, record: Path) -> None:
+    """Run the short tests in a copy of the checkout, and record which of them reach which mutant.
+
+    Tests that fail because of what is inserted have recorded what they reached before.
+    """
+    record.touch()
+    sources = {tree / path: (tree / path).read_text() for path in {mutant.path for mutant in chosen}}
+    for module, source in sources.items():
+        module.write_text(marked(source, (each for each in chosen if tree / each.path == module), record))
+    _run(tree, "-n", "auto")
+    for module, source in sources.items():
+        module.write_text(source)
+
+
+def rounds(mutant: Mutant, reached: Iterable[str]) -> list[list[str]]:
+    """The tests to try: those that reach a mutant of the folder that mirrors its own, and the others.
+
+    Args:
+        mutant: The mutant.
+        reached: Values of `PYTEST_CURRENT_TEST` where it was reached. What one test prepares others of its file may
+            share, so what prepares a test stands for all of the file.
+    """
     path = Path(mutant.path)
-    inner = path.relative_to(PACKAGE)
-    room = next((Path(folder) for folder in FOLDERS if inner.is_relative_to(folder)), Path(inner.parts[0]))
+    room = next(Path(folder) for folder in FOLDERS if path.is_relative_to(PACKAGE / folder))
     folder = "tests" / room
-    module = ".".join(path.with_suffix("").parts)
-    names = [path.stem, *inner.relative_to(room).parts[:-1]]
-    files = sorted(folder.rglob("test_*.py"))
-    found = [each for name in names for each in files if each.stem.startswith(f"test_{name}")]
-    found += [each for each in files if each.parent.name in names[1:] or f"from {module} import" in each.read_text()]
-    return [[*dict.fromkeys(map(str, found))], [str(folder)], list(WIDER)]
+    tests: dict[str, set[str]] = {}
+    for each in filter(None, reached):
+        name, _, phase = each.rpartition(" ")
+        file = name.partition("::")[0]
+        tests.setdefault(file, set()).add(file if phase == "(setup)" else name)
+    if not tests:
+        return [[str(folder)], []]
+
+    found: tuple[list[str], list[str]] = ([], [])
+    for file in sorted(tests, key=lambda file: (not Path(file).stem.startswith(f"test_{path.stem}"), file)):
+        other = not Path(file).is_relative_to(folder)
+        found[other].extend([file] if file in tests[file] else sorted(tests[file]))
+    return list(found)
 
 
 def verdict(mutant: Mutant, tests: list[str], tree: Path) -> dict[str, object]:
@@ -197,6 +253,10 @@ def verdict(mutant: Mutant, tests: list[str], tree: Path) -> dict[str, object]:
             return {"killed": True, "by": "the tests hang"}
         if done.returncode in (0, 5):
             break
+        if done.returncode == 4 and any("::" in each for each in tests):
+            # Tests have other names with the mutant.
+            tests = [*dict.fromkeys(each.partition("::")[0] for each in tests)]
+            continue
         failed = [line for line in done.stdout.splitlines() if line.startswith("FAILED ")]
         if not failed:
             return {"killed": True, "by": (done.stdout + done.stderr)[-200:]}
@@ -208,24 +268,18 @@ def verdict(mutant: Mutant, tests: list[str], tree: Path) -> dict[str, object]:
 
 
 def _tested(tests: list[str], tree: Path) -> subprocess.CompletedProcess[str]:
-    command = [
-        sys.executable,
-        "-m",
-        "pytest",
-        "-q",
-        "-x",
-        "-n",
-        "0",
-        "-m",
-        "not slow",
-        "-p",
-        "no:cacheprovider",
-        *tests,
-    ]
+    # They may be more than a command line holds.
+    names = tree.with_name("tests.txt")
+    names.write_text("\n".join(tests))
+    return _run(tree, "-x", "-n", "0", f"@{names}", timeout=TIME_LIMIT)
+
+
+def _run(tree: Path, *arguments: str, timeout: float | None = None) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", *arguments]
     environment = dict(os.environ, PYTHONPATH=str(tree))
     environment.pop("PYTEST_ADDOPTS", None)  # what it says of its outcome is read
     return subprocess.run(
-        command, cwd=tree, env=environment, capture_output=True, text=True, timeout=TIME_LIMIT, check=False
+        command, cwd=tree, env=environment, capture_output=True, text=True, timeout=timeout, check=False
     )
 
 
@@ -241,24 +295,33 @@ def main() -> None:
     if arguments.output.exists():
         done = {line["mutant"]: line for line in map(json.loads, arguments.output.read_text().splitlines())}
     chosen = drawn(arguments.count, arguments.seed)
-    names = [f"{mutant.path}:{mutant.line}: {mutant.before} -> {mutant.after}" for mutant in chosen]
+    record = arguments.output.with_suffix(".reached").resolve()
     with tempfile.TemporaryDirectory() as folder:
         tree = Path(folder) / "tree"
         shutil.copytree(".", tree, ignore=shutil.ignore_patterns(".git", ".venv", ".fuzz", ".peers", "__pycache__"))
+        if not record.exists():
+            # What a run that was stopped has recorded is not all.
+            record_reached(chosen, tree, Path(folder) / "reached")
+            shutil.move(Path(folder) / "reached", record)
+        reached: dict[str, list[str]] = {}
+        for name, test in map(json.loads, record.read_text().splitlines()):
+            reached.setdefault(name, []).append(test)
         # What was tried before counts; the next tests take longer, so they wait until every mutant had the ones before.
-        for number in range(3):
-            for name, mutant in zip(names, chosen, strict=True):
+        for number in range(2):
+            for mutant in chosen:
+                name = mutant.name
                 if name in done and (done[name]["killed"] or done[name]["rounds"] > number):
                     continue
-                found = verdict(mutant, rounds(mutant)[number], tree)
-                done[name] = {"mutant": name, **asdict(mutant), **found, "rounds": number + 1}
+                tests = rounds(mutant, reached.get(name, ()))[number]
+                found = verdict(mutant, tests, tree)
+                done[name] = {"mutant": name, **asdict(mutant), **found, "rounds": number + 1, "tests": len(tests)}
                 with arguments.output.open("a") as file:
                     file.write(json.dumps(done[name]) + "\n")
                 print(f"round {number + 1}: {'killed  ' if found['killed'] else 'survived'} {name}", flush=True)
-    for name in names:
-        if not done[name]["killed"]:
-            print(f"SURVIVED {name}")
-    print(f"{sum(bool(done[name]['killed']) for name in names)} of {len(chosen)} killed")
+    for mutant in chosen:
+        if not done[mutant.name]["killed"]:
+            print(f"SURVIVED {mutant.name}")
+    print(f"{sum(bool(done[mutant.name]['killed']) for mutant in chosen)} of {len(chosen)} killed")
 
 
 if __name__ == "__main__":

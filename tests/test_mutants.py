@@ -1,14 +1,17 @@
 """Mutants: the mutation tool draws small faults in modules that still compile."""
 
 import ast
+import json
+import os
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from fuzzing.mutants import FOLDERS, PACKAGE, Mutant, drawn, mutants, rounds, verdict
+from fuzzing.mutants import FOLDERS, PACKAGE, Mutant, drawn, marked, mutants, rounds, verdict
 
 
 @pytest.fixture(autouse=True)
@@ -31,10 +34,13 @@ def test_a_seed_draws_the_same_mutants_from_each_folder_again() -> None:
     assert shares == dict(zip(FOLDERS, (2, 2, 2, 2, 1, 1), strict=True))
 
 
-def test_every_mutant_compiles_and_is_another_module() -> None:
-    for mutant in drawn(200, seed=5):
+def test_every_mutant_compiles_and_is_another_module_and_so_does_a_module_with_marks() -> None:
+    chosen = drawn(200, seed=5)
+    for mutant in chosen:
         source = Path(mutant.path).read_text()
         assert ast.dump(ast.parse(mutant.applied(source))) != ast.dump(ast.parse(source))
+    for path in {mutant.path for mutant in chosen}:
+        ast.parse(marked(Path(path).read_text(), [each for each in chosen if each.path == path], Path("record")))
 
 
 def test_operators_conditions_constants_results_and_calls_are_changed(tmp_path: Path) -> None:
@@ -52,16 +58,38 @@ def test_annotations_errors_and_imports_for_types_stay(tmp_path: Path) -> None:
     )
 
 
-def test_tests_named_like_the_module_or_its_package_come_before_all_of_its_folder() -> None:
-    def rounds_of(path: str) -> list[list[str]]:
-        return rounds(Mutant(f"symaware_cli/{path}", 1, 0, 0, "", ""))
+def test_a_module_with_marks_does_the_same_on_the_same_lines_and_records_who_reaches_them(tmp_path: Path) -> None:
+    source = "def f(x):\n    g.append(-1 + x < 2 and (\n        x > 3))\n    return x + 4\n\n\ng = [5]\n"
+    (tmp_path / "module.py").write_text(source)
+    chosen = mutants(tmp_path / "module.py")
+    record = tmp_path / "record"
+    marks = marked(source, chosen, record)
+    assert marks.count("\n") == source.count("\n")
+    names: dict[str, Any] = {}
+    exec(marks, names)
+    assert (names["f"](1), names["f"](7), names["g"]) == (5, 11, [5, False, False])
+    found = [json.loads(line) for line in record.read_text().splitlines()]
+    assert {name for name, _ in found} == {mutant.name for mutant in chosen if mutant.line < 5}  # 7 is of the module
+    assert {test.partition(" ")[0] for _, test in found} == {os.environ["PYTEST_CURRENT_TEST"].partition(" ")[0]}
+    assert len(found) == len(chosen) - 1
 
-    near, folder, wider = rounds_of("engine/network/outbox.py")
-    assert near == ["tests/engine/network/test_outbox.py"]
-    assert folder == ["tests/engine/network"]
-    assert all(Path(each).exists() for each in wider)
-    assert rounds_of("engine/network/channel/link_states.py")[0] == ["tests/engine/network/test_channel.py"]
-    assert rounds_of("core/nothing.py")[0] == []
+
+def test_tests_of_the_folder_come_first_and_what_prepares_one_stands_for_all_of_its_file() -> None:
+    def rounds_of(*reached: str) -> list[list[str]]:
+        return rounds(Mutant("symaware_cli/engine/network/outbox.py", 1, 0, 0, "", ""), reached)
+
+    folder = "tests/engine/network"
+    assert rounds_of(
+        "",
+        "tests/api/test_run.py::test_a (call)",
+        f"{folder}/test_channel.py::test_b (setup)",
+        f"{folder}/test_channel.py::test_c (call)",
+        f"{folder}/test_outbox.py::test_d[1 2] (call)",
+    ) == [
+        [f"{folder}/test_outbox.py::test_d[1 2]", f"{folder}/test_channel.py"],
+        ["tests/api/test_run.py::test_a"],
+    ]
+    assert rounds_of("") == [[folder], []]
 
 
 @pytest.fixture

@@ -76,6 +76,18 @@ def test_restoring_the_state_at_the_start_is_a_reset_with_all_messages(name: str
     assert messages(tmp_path / "fresh.mcap") == messages(tmp_path / "whole.mcap")
 
 
+def test_a_log_that_went_back_and_ended_holds_nothing_of_what_it_discarded(tmp_path: Path) -> None:
+    with sa.load(SCENARIOS / "hello.yaml").start(output=tmp_path / "hello.mcap") as simulation:
+        state = simulation.capture()
+        simulation.step(40)
+        simulation.capture()  # writes what the log holds in memory
+        simulation.restore(state)
+    content = (tmp_path / "hello.mcap").read_bytes()
+    magic = content[:8]
+    assert content.endswith(magic)
+    assert content.count(magic) == 2
+
+
 @pytest.mark.parametrize("name", ["billiards", "drones"])
 def test_a_world_with_a_physics_engine_is_refused_by_name(name: str) -> None:
     with sa.load(SCENARIOS / f"{name}.yaml").start() as simulation:

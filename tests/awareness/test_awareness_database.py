@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from simulating import Team, execute, simulation
+from simulating import Team, execute, present, simulation
 
 from symaware_cli import AwarenessVector, Component, PerceptionSystem, TimeSeries
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.engine.components.perception import OmniscientPerception, SelfPerception
 from symaware_cli.engine.models.integrator import DoubleIntegrator
 from symaware_cli.engine.runtime.simulation import Simulation
+from symaware_cli.world.motion_layout import as_motion
 from symaware_cli.world.snapshot import StatesById
 
 
@@ -116,6 +117,24 @@ def test_a_dictionary_of_states_is_taken_over_whole_or_one_by_one_with_the_same_
         assert np.array_equal(agent.awareness_database[id].state, expected, equal_nan=True)
     states["robot.0"][:] = 9.0
     assert agent.awareness_database["robot.0"].state[0] == 1.0
+
+
+@pytest.mark.parametrize("width", [2, 4])
+def test_positions_and_motions_become_the_same_rows_whole_as_one_by_one(ready: Simulation, width: int) -> None:
+    roster = ready.environment.roster
+    states = {id: np.arange(width) + 10.0 * row for row, id in enumerate(roster.ids)}
+    places, motions, _ = present(roster.motions(states))
+    for id, state in states.items():
+        alone = as_motion(id, state, roster.model(id), roster.dimensions, is_state=True)
+        assert np.array_equal(motions[places[id]], alone, equal_nan=True)
+
+
+def test_beliefs_about_others_are_equal_in_another_process(ready: Simulation) -> None:
+    database = ready.groups[0].agents[0].awareness_database
+    database["robot.2"] = AwarenessVector("robot.2", [7.0, 7.0, 0.0, 1.0])
+    copied = pickle.loads(pickle.dumps(database.others))
+    assert [*copied] == [*database.others]
+    assert copied["robot.2"].state.tolist() == [7.0, 7.0, 0.0, 1.0]
 
 
 def test_views_are_cached_and_bulk_access_creates_none(ready: Simulation) -> None:

@@ -101,15 +101,19 @@ def test_rows_with_nan_or_infinity_are_found_once() -> None:
     assert column.take_beyond() == [2]
 
 
-@settings(max_examples=30)
-@given(st.lists(st.tuples(st.integers(0, 2), st.sampled_from([0.0, 1e200, np.nan, np.inf])), max_size=4))
-def test_a_column_passes_if_no_row_is_found_and_else_the_rows_are_still_found(writes: list[tuple[int, float]]) -> None:
-    columns: list[tuple[Any, Callable[[float], Any]]] = [
+def each_kind() -> list[tuple[Any, Callable[[float], Any]]]:
+    """A column of each kind for three agents, and what its rows are set to for a number."""
+    return [
         (Column(np.zeros((3, 1))), lambda number: [number]),
         (SeriesColumn(3), lambda number: TimeSeries({0.0: [number]})),
         (TableColumn(3, 1), lambda number: [[number]]),
     ]
-    for column, value in columns:
+
+
+@settings(max_examples=30)
+@given(st.lists(st.tuples(st.integers(0, 2), st.sampled_from([0.0, 1e200, np.nan, np.inf])), max_size=4))
+def test_a_column_passes_if_no_row_is_found_and_else_the_rows_are_still_found(writes: list[tuple[int, float]]) -> None:
+    for column, value in each_kind():
         column.take_beyond()
         for row, number in writes:
             column.set_row(row, value(number))
@@ -118,6 +122,27 @@ def test_a_column_passes_if_no_row_is_found_and_else_the_rows_are_still_found(wr
         assert column.passes() == (not beyond)
         assert column.fresh == bool(beyond)
         assert column.take_beyond() == beyond
+
+
+@given(st.sets(st.integers(0, 2)))
+def test_cleared_rows_hold_no_number_until_they_are_put_back(rows: set[int]) -> None:
+    def numbers(column: Any) -> list[float]:
+        return [float(np.append(column.present(row), np.nan).ravel()[0]) for row in range(3)]
+
+    for column, value in each_kind():
+        for row in range(3):
+            column.set_row(row, value(row))
+        column.take_beyond()
+        held = column.held()
+        column.take_changes()
+        column.clear(sorted(rows))
+        assert [np.isnan(number) for number in numbers(column)] == [row in rows for row in range(3)]
+        assert not column.fresh
+        taken = column.take_changes()
+        assert list(range(3) if taken is None else taken) == sorted(rows)
+        column.put_back(sorted(rows), held)
+        assert numbers(column) == [0, 1, 2]
+        assert not column.fresh
 
 
 @pytest.mark.parametrize(
@@ -284,6 +309,13 @@ def test_new_rows_are_reported_once() -> None:
     column.set([[], [], []])
     assert column.take_changes() is None
     assert column.take_changes() == []
+
+
+@given(st.lists(st.sampled_from([0.0, np.nan, np.inf]), min_size=3, max_size=3))
+def test_rows_out_of_bounds_are_found_when_all_tables_are_set_at_once(numbers: list[float]) -> None:
+    column = TableColumn(3, 1)
+    column.set([[[number]] for number in numbers])
+    assert column.take_beyond() == [row for row, number in enumerate(numbers) if not np.isfinite(number)]
 
 
 def test_a_table_that_was_handed_out_never_changes() -> None:

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from altered_logs import altered
 
+from symaware_cli.log import attachment_differences
 from symaware_cli.log.digest import digest
 from symaware_cli.log.reader import open_log
 from symaware_cli.log.writer import LogWriter
@@ -90,3 +92,14 @@ def test_messages_in_another_order_change_the_digest(tmp_path: Path) -> None:
             writer.finish({})
         digests.append(digest(open_log(writer.path)))
     assert digests[0] != digests[1]
+
+
+def test_a_difference_in_the_metadata_of_a_channel_names_both(sample: Path, tmp_path: Path) -> None:
+    altered(sample, tmp_path / "feet.mcap", metadata=lambda topic, content: {**content, "unit": "ft"})
+    one, other = open_log(sample), open_log(tmp_path / "feet.mcap")
+    found = [each for each in attachment_differences(one, other) if each.element == "metadata"]
+    assert {each.topic for each in found} == {*one.channels} - {"/timing"}
+    for each in found:
+        assert each.values == tuple(
+            str((log.channels[each.topic].schema, log.channels[each.topic].metadata)) for log in (one, other)
+        )

@@ -279,3 +279,23 @@ def test_groups_with_equal_models_move_as_each_does_by_itself(integrator: str) -
         together, apart = moved(Unicycle, limits), moved(Alone, limits)
         assert all(np.array_equal(one, other) for one, other in zip(together, apart, strict=True))
         assert not any(state.flags.writeable for state in together)
+
+
+@pytest.mark.parametrize("provided", [(), ("wings",), ("wheels", "wings")])
+def test_a_model_moves_only_in_worlds_with_the_features_that_it_needs(provided: tuple[str, ...]) -> None:
+    class Bird(SingleIntegrator):
+        needs = ("wheels", "wings")
+
+    class Sky(KinematicEnvironment):
+        pass
+
+    untyped(Sky).provides = provided
+
+    def begin() -> None:
+        made(Sky).initialise([group_of(made(Bird))], {}, 7)
+
+    if "wheels" in provided:
+        begin()
+    else:
+        with pytest.raises(WorldError, match="the model needs a world with wheels"):
+            begin()

@@ -322,6 +322,7 @@ def test_a_message_that_enters_a_link_keeps_its_pace() -> None:
 
 def test_a_line_without_a_bandwidth_waits_where_a_fault_sets_one() -> None:
     line: LinkQueue[str] = LinkQueue(parameters(queue=200.0))
+    assert line.join(0, 201, "big") == ["big"]
     assert line.join(0, 100, "first") == []
     assert line.advance(0) == [("first", 0)]
     assert line.join(0, 100, "second") == []

@@ -198,6 +198,20 @@ def test_components_may_be_triggered_by_python_too(mode: Mode) -> None:
     assert turns == [2]
 
 
+@MODES
+def test_an_external_input_fires_an_event_with_it(mode: Mode) -> None:
+    class Asks(Idle):
+        def _compute(self) -> None:
+            assert self.external_input(lambda: {"speed": 2.0}) == {"speed": 2.0}
+
+    ready = simulation({"a": Team({"ask": Asks})})
+    found: list[Event] = []
+    ready.events.subscribe("external-input", found.append)
+    execute(ready, 2, options=RunOptions(mode=mode))
+    assert {event.source for event in found} == {"agents.a.ask"}
+    assert [event.data for event in found] == [{"answer": {"speed": 2.0}}] * len(found)
+
+
 def test_an_event_knows_its_agent_and_what_was_computed() -> None:
     seen = []
 

@@ -71,6 +71,15 @@ def test_jitter_is_that_of_the_nominal_instant_for_any_period(period: int, times
     assert often[::times] == seldom
 
 
+@given(st.lists(st.integers(0, 200), max_size=10))
+def test_the_jitter_of_a_turn_does_not_depend_on_the_turns_that_were_asked_for_before(numbers: list[int]) -> None:
+    timing = Timing(period=1000, jitter=900)
+    timetable = Timetable(timing, STEP, 0, key=3)
+    assert [timetable.turn(number, 0) for number in numbers] == [
+        Timetable(timing, STEP, 0, key=3).turn(number, 0) for number in numbers
+    ]
+
+
 def test_a_timing_with_one_turn_a_step_is_steady() -> None:
     assert Timing().is_steady(STEP)
     assert Timing(period=STEP).is_steady(STEP)
