@@ -34,6 +34,7 @@ from symaware_cli.specification.formulation import formulate
 from symaware_cli.specification.parser import parse
 from symaware_cli.specification.scope import AgentScope
 from symaware_cli.specification.specification import Specification
+from symaware_cli.specification.specification_monitor import SpecificationMonitor
 from symaware_cli.world import always
 from symaware_cli.world.chance import AgentChance, GroupChance
 from symaware_cli.world.reading import Scan
@@ -249,6 +250,8 @@ def contents(value: Any, outer: tuple[int, ...] = ()) -> Any:
         return None
     if isinstance(value, Snapshot):
         return value.time, plain(value.states)
+    if isinstance(value, SpecificationMonitor):
+        assert value.lower is not None  # its results are combined when they are read
     outer = (*outer, id(value))
     if isinstance(value, Mapping):
         return {name: contents(each, outer) for name, each in value.items()}
