@@ -51,7 +51,7 @@ class Instant(dict[str, Any]):
     """The values of names at one instant, each of which is looked up once."""
 
     def __init__(self, getter: Callable[[str], Callable[[], Any]]) -> None:
-        """Begin without values; `getter` as for `Sampler`."""
+        """Begin without values; `getter` as for `PredicateSampler`."""
         super().__init__()
         self._getter = getter
         self._getters: dict[str, Callable[[], Any]] = {}
@@ -121,7 +121,7 @@ class Specification:
             SpecificationError: A predicate has no value.
         """
         with np.errstate(all="ignore"):
-            return Sampler(self, partial(partial, look_up), rows, agents)(present)
+            return PredicateSampler(self, partial(partial, look_up), rows, agents)(present)
 
     @property
     def text(self) -> str:
@@ -129,7 +129,7 @@ class Specification:
         return printed(self.formulation.tree)
 
 
-class Sampler:
+class PredicateSampler:
     """Samples the predicates of a specification at one instant after another.
 
     What is the same at all instants is decided once. NumPy's warnings are left to the caller; a run ignores them.

@@ -18,7 +18,7 @@ from symaware_cli.specification.monitor import Monitor
 from symaware_cli.specification.outcome import Decision, Outcome, outcome_of
 from symaware_cli.specification.printing import printed
 from symaware_cli.specification.reason import Reason
-from symaware_cli.specification.specification import Sampler, Specification
+from symaware_cli.specification.specification import PredicateSampler, Specification
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,7 +158,7 @@ class SpecificationMonitor:
         """
         count = specification.scope.rows
         self.specification = specification
-        self._sample = Sampler(specification, specification.scope.getter, count)
+        self._sample = PredicateSampler(specification, specification.scope.getter, count)
         #: The bounds without intervals.
         self._unbounded = np.full(count, -np.inf), np.full(count, np.inf)
         #: The verdicts and bounds of all instances; None if they are to be combined when they are read.
