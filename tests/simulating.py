@@ -55,8 +55,8 @@ def made(kind: type[Plugged], **parameters: Any) -> Plugged:
 def invoked(*arguments: object, site: Path | None = None) -> Result:
     """Run `symaware ARGUMENTS` within this process, which forgets after it what would have ended with another process.
 
-    These are the environment variables and the trust that the command handed down, the search path, the handlers of
-    signals, and the modules of plugins that it imported: those of files, and those of `site`.
+    These are the environment variables and the trust that the command handed down, the search path, the filters of
+    warnings, the handlers of signals, and the modules of plugins that it imported: those of files, and those of `site`.
 
     Args:
         arguments: The arguments of the command.
@@ -67,16 +67,17 @@ def invoked(*arguments: object, site: Path | None = None) -> Result:
     from symaware_cli.cli.application import application
 
     line = [str(argument) for argument in arguments]
-    variables, path, modules, warned = dict(os.environ), list(sys.path), set(sys.modules), list(warnings.filters)
+    variables, path, modules = dict(os.environ), list(sys.path), set(sys.modules)
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         if site is not None:
             sys.path.insert(0, str(site))
             os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(site), variables.get("PYTHONPATH")]))
             importlib.invalidate_caches()
-        result = copy_context().run(CliRunner().invoke, application, line, prog_name="symaware")
+        with warnings.catch_warnings():
+            result = copy_context().run(CliRunner().invoke, application, line, prog_name="symaware")
     finally:
-        sys.path[:], warnings.filters[:] = path, warned  # type: ignore[index]
+        sys.path[:] = path
         for name in os.environ.keys() - variables.keys():
             del os.environ[name]
         os.environ.update(variables)

@@ -191,10 +191,8 @@ def test_a_command_prints_what_the_document_shows(
     if registers(document):
         installed(document, folder)
         site = folder / "site"
-    environment = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join(filter(None, [site and str(site), os.environ.get("PYTHONPATH")])),
-    }
+    places = [str(site) if site else "", os.environ.get("PYTHONPATH", "")]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, places))}
     for number, block in enumerate(blocks(document)):
         if block.language in ("yaml", "toml") and re.match(r"# (?!pyproject)", block.text):
             written(block, folder, number)
