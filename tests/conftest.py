@@ -21,7 +21,7 @@ from features import (
     without_pybullet,
 )
 from hypothesis import HealthCheck, settings
-from simulating import COMMAND, Command
+from simulating import COMMAND, Command, in_process
 from symaware_doubles import COMPONENTS, ENVIRONMENTS, SUBSCRIBERS
 
 
@@ -97,8 +97,18 @@ def process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Command:
 
 @pytest.fixture
 def command(process: Command) -> Command:
-    """The same; tests of the command line run it within their process (`tests/cli/conftest.py`)."""
-    return process
+    """Run `symaware ARGUMENTS` in an empty folder; in a process of its own only if options of one are given.
+
+    Most tests ask what the command says and does, not how it starts. What depends on a process takes `process`:
+    terminals, signals, packages that come and go.
+    """
+
+    def run(*arguments: object, **options: Any) -> subprocess.CompletedProcess[str]:
+        if options:
+            return process(*arguments, **options)
+        return in_process(*arguments)
+
+    return run
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from contextlib import chdir
 from pathlib import Path
 
-from simulating import in_process
+from simulating import COMMAND, in_process
 
 DOCUMENT = Path(__file__).parents[1] / "docs" / "plugins.md"
 
@@ -43,23 +43,25 @@ def install(folder: Path, modules: Mapping[str, str], points: Mapping[str, str],
 def command(folder: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
     """Return a function that runs a command in a folder, with or without the plugin installed there.
 
-    Without it, the command runs within this process, which never has the plugin; with it, in a process of its own.
+    It runs within this process, which forgets the plugin afterwards; with `process`, in one of its own.
     """
     modules = {path.stem for path in folder.glob("site/*.py")}
 
-    def run(*arguments: object, plugin: bool = True, status: int = 0) -> subprocess.CompletedProcess[str]:
-        if not plugin:
+    def run(
+        *arguments: object, plugin: bool = True, process: bool = False, status: int = 0
+    ) -> subprocess.CompletedProcess[str]:
+        site = folder / "site" if plugin else None
+        if process:
+            environment = {**os.environ, "PYTHONPATH": str(site or "")}
+            line = [*COMMAND, *map(str, arguments)]
+            done = subprocess.run(
+                line, cwd=folder, env=environment, capture_output=True, text=True, timeout=300, check=False
+            )
+            assert "Traceback" not in done.stderr, done.stderr
+        else:
             assert modules.isdisjoint(sys.modules)
             with chdir(folder):
-                done = in_process(*arguments)
-            assert done.returncode == status, done.stderr
-            return done
-        environment = {**os.environ, "PYTHONPATH": str(folder / "site")}
-        line = [sys.executable, "-m", "symaware_cli", *map(str, arguments)]
-        done = subprocess.run(
-            line, cwd=folder, env=environment, capture_output=True, text=True, timeout=300, check=False
-        )
-        assert "Traceback" not in done.stderr, done.stderr
+                done = in_process(*arguments, site=site)
         assert done.returncode == status, done.stderr
         return done
 

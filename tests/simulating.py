@@ -1,11 +1,18 @@
 """A simulation put together from classes, without a scenario file."""
 
+from __future__ import annotations
+
+import importlib
+import os
+import signal
 import subprocess
 import sys
+import warnings
 from collections.abc import Callable, Mapping, Sequence
+from contextvars import copy_context
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from symaware_cli import Entity, Environment, Model, Obstacle
 from symaware_cli.core import AgentGroup, Component, Contact, GroupComponent
@@ -21,8 +28,14 @@ from symaware_cli.log.recorder import Recorder
 from symaware_cli.log.writer import LogWriter
 from symaware_cli.world.plugin import Plugin
 
+if TYPE_CHECKING:
+    from typer.testing import Result
+
 COMMAND = (sys.executable, "-P", "-m", "symaware_cli")
 """The command line of `symaware` in a separate process; -P, so that no folder shadows the installed package."""
+
+OF_FILES = "symaware_cli.plugin_files.of_"
+"""How the names of the modules of plugins in files begin."""
 
 Command = Callable[..., subprocess.CompletedProcess[str]]
 """The type of the fixture `command`."""
@@ -39,17 +52,53 @@ def made(kind: type[Plugged], **parameters: Any) -> Plugged:
     return kind(kind.Parameters(**parameters))
 
 
-def in_process(*arguments: object) -> subprocess.CompletedProcess[str]:
-    """Run `symaware ARGUMENTS` within this process."""
+def invoked(*arguments: object, site: Path | None = None) -> Result:
+    """Run `symaware ARGUMENTS` within this process, which forgets after it what would have ended with another process.
+
+    These are the environment variables and the trust that the command handed down, the search path, the filters of
+    warnings, the handlers of signals, and the modules of plugins that it imported: those of files, and those of `site`.
+
+    Args:
+        arguments: The arguments of the command.
+        site: A folder with packages that are installed for this command.
+    """
     from typer.testing import CliRunner
 
     from symaware_cli.cli.application import application
 
     line = [str(argument) for argument in arguments]
-    result = CliRunner().invoke(application, line, prog_name="symaware")
+    variables, path, modules = dict(os.environ), list(sys.path), set(sys.modules)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        if site is not None:
+            sys.path.insert(0, str(site))
+            os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(site), variables.get("PYTHONPATH")]))
+            importlib.invalidate_caches()
+        with warnings.catch_warnings():
+            result = copy_context().run(CliRunner().invoke, application, line, prog_name="symaware")
+    finally:
+        sys.path[:] = path
+        for name in os.environ.keys() - variables.keys():
+            del os.environ[name]
+        os.environ.update(variables)
+        for name in sys.modules.keys() - modules:
+            file = getattr(sys.modules[name], "__file__", None)
+            if name.startswith(OF_FILES) or (site is not None and file and Path(file).is_relative_to(site)):
+                del sys.modules[name]
+        for number, handler in handlers.items():
+            if signal.getsignal(number) is not handler:
+                signal.signal(number, handler)
     if result.exception is not None and not isinstance(result.exception, SystemExit):
         raise result.exception
-    return subprocess.CompletedProcess(["symaware", *line], result.exit_code, result.stdout, result.stderr)
+    return result
+
+
+def in_process(*arguments: object, site: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """Do the same, and return what `subprocess.run` would."""
+    result = invoked(*arguments, site=site)
+    return subprocess.CompletedProcess(
+        ["symaware", *map(str, arguments)], result.exit_code, result.stdout, result.stderr
+    )
 
 
 def untyped(value: object) -> Any:

@@ -8,6 +8,7 @@ import subprocess
 import threading
 import time
 from collections import Counter
+from contextlib import chdir
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 from parts import contents
 from ports import free_port
-from simulating import COMMAND
+from simulating import COMMAND, in_process
 
 from symaware_cli.log import others_message
 from symaware_cli.log.reader import Log, open_log
@@ -227,8 +228,9 @@ def alone(folder: Path, scenario: Path, *arguments: object) -> Log:
     """The log of the same run in one process."""
     folder.mkdir(exist_ok=True)
     path = folder / "alone.mcap"
-    line = [*COMMAND, "run", scenario, "--quiet", "--output", path, *arguments]
-    subprocess.run(list(map(str, line)), cwd=folder, check=True, timeout=PATIENCE)
+    with chdir(folder):
+        done = in_process("run", scenario, "--quiet", "--output", path, *arguments)
+    assert done.returncode == 0, done.stderr
     return open_log(path)
 
 

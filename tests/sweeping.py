@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from pyarrow import parquet
-from typer.testing import CliRunner
-
-from symaware_cli.cli.application import application
+from simulating import invoked
 
 #: Two robots that drive to their goals with noise, one of whom may leave the arena.
 SCENARIO = """\
@@ -41,8 +39,8 @@ def tiny(folder: Path) -> Path:
 
 def symaware(*arguments: object, status: int = 0) -> str:
     """Run the command in this process, and return all that it prints."""
-    done = CliRunner().invoke(application, [*map(str, arguments)])
-    assert done.exit_code == status, f"{done.output}\n{done.exception!r}"
+    done = invoked(*arguments)
+    assert done.exit_code == status, done.output
     return done.output
 
 

@@ -28,7 +28,7 @@ def symaware(folder: Path) -> Command:
 
 @pytest.fixture(scope="module")
 def log(folder: Path, symaware: Command) -> Path:
-    symaware("run", "attention.yaml", "--quiet")
+    symaware("run", "attention.yaml", "--quiet", process=True)
     return folder / "attention.mcap"
 
 

@@ -15,10 +15,9 @@ from typing import NamedTuple
 
 import pytest
 import yaml
-from typer.testing import CliRunner
+from simulating import invoked
 
 from symaware_cli.cli import terminal
-from symaware_cli.cli.application import application
 from symaware_cli.language.build import build
 
 TOP = Path(__file__).parents[1]
@@ -35,6 +34,9 @@ VOLATILE = (
     r"SHA-256 \S+",
     r"the centres of .* at",  # several pairs are equally near in head-on.yaml; rounding chooses
 )
+
+#: Documents whose commands get a process each, as a user's do: with plugins in a file, and in an installed package.
+PROCESSES = ("docs/communication.md", "docs/tutorials/own-controller.md")
 
 #: What a snippet that is no scenario by itself is added to.
 BASE = """\
@@ -63,7 +65,9 @@ class Command(NamedTuple):
     @property
     def is_plain(self) -> bool:
         """Whether it is one call of `symaware`, for which it takes no shell."""
-        return self.text.startswith("symaware ") and not re.search(r"[][|&;<>$*?`]", re.sub("'.*?'", "", self.text))
+        # A bracket would matter to a shell only if there were a file with such a name.
+        unquoted = re.sub(r"""'.*?'|"[^"$`]*\"""", "", self.text)
+        return self.text.startswith("symaware ") and not re.search(r"[|&;<>$*?`]", unquoted)
 
     def check(self, status: int | None, printed: str) -> None:
         assert status == self.status, f"$ {self.text}\n{printed}"
@@ -173,7 +177,7 @@ def written(block: Block, folder: Path, number: int) -> Path:
 def test_a_command_prints_what_the_document_shows(
     document: Path, folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A document with code of its own gets a process for each command, as a user would; the others run in this one.
+    """Commands run in this process, except those for which it takes a shell, and those of `PROCESSES`.
 
     So do the runs of sweeps, of which other tests show that they do not depend on the number of worker processes.
     """
@@ -183,10 +187,12 @@ def test_a_command_prints_what_the_document_shows(
     monkeypatch.setattr(terminal, "job_count", lambda jobs: jobs or 0)
     monkeypatch.delenv("COLUMNS", raising=False)  # Without the width of a terminal, lines are not folded.
     monkeypatch.setenv("XDG_CONFIG_HOME", str(folder / "configuration"))
+    site = None
     if registers(document):
         installed(document, folder)
-        monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(folder / "site"), os.environ.get("PYTHONPATH", "")]))
-    has_code = registers(document) or any(re.match(r"# \w+\.py\n", block.text) for block in blocks(document))
+        site = folder / "site"
+    places = [str(site) if site else "", os.environ.get("PYTHONPATH", "")]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, places))}
     for number, block in enumerate(blocks(document)):
         if block.language in ("yaml", "toml") and re.match(r"# (?!pyproject)", block.text):
             written(block, folder, number)
@@ -196,10 +202,8 @@ def test_a_command_prints_what_the_document_shows(
             continue
         started: list[tuple[Command, subprocess.Popen[str]]] = []
         for command in commands(block.text):
-            if command.is_plain and not has_code and not started:
-                result = CliRunner().invoke(application, shlex.split(command.text)[1:], prog_name="symaware")
-                if result.exception is not None and not isinstance(result.exception, SystemExit):
-                    raise result.exception
+            if command.is_plain and ids(document) not in PROCESSES and not started:
+                result = invoked(*shlex.split(command.text)[1:], site=site)
                 command.check(result.exit_code, result.output)
                 continue
             process = subprocess.Popen(
@@ -208,6 +212,7 @@ def test_a_command_prints_what_the_document_shows(
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
                 text=True,
+                env=environment,
             )
             # What runs beside others is over by the time that what runs in front of it is.
             started.append((command, process))
@@ -251,7 +256,7 @@ def test_the_code_of_a_document_runs(document: Path, folder: Path, monkeypatch: 
             # The logs that the code reads are those of the runs that the document shows.
             for command in commands(block.text):
                 if command.text.startswith("symaware run scenarios/"):
-                    subprocess.run([sys.executable, "-m", "symaware_cli", *command.text.split()[1:]], check=True)
+                    assert invoked(*command.text.split()[1:]).exit_code == 0
         if block.language == "python":
             exec(compile(block.text, str(document), "exec"), namespace)
 

@@ -7,12 +7,13 @@ import os
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
+from documented_plugins import command
 from rerun_files import Recording
+from simulating import Command
 from test_documents import TOP, blocks
 
 from symaware_cli import open_log
@@ -47,8 +48,6 @@ with scenario.start() as simulation:
     assert whole == again == rest(simulation)
 print([each for each in whole if each[0] == "fault-over"])
 """
-
-Run = Callable[..., subprocess.CompletedProcess[str]]
 
 
 def shown(beginning: str) -> str:
@@ -93,32 +92,13 @@ def outside(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def run(outside: Path) -> Run:
-    """Run Python there, with the plugin or without it."""
-
-    def done(*arguments: str, status: int = 0, plugin: bool = True) -> subprocess.CompletedProcess[str]:
-        environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"}
-        if plugin:
-            environment["PYTHONPATH"] = str(outside / "site")
-        line = [sys.executable, "-P", *arguments]
-        ended = subprocess.run(
-            line, cwd=outside, env=environment, capture_output=True, text=True, timeout=300, check=False
-        )
-        assert "Traceback" not in ended.stderr, ended.stderr
-        assert ended.returncode == status, ended.stderr
-        return ended
-
-    return done
+def symaware(outside: Path) -> Command:
+    return command(outside)
 
 
 @pytest.fixture(scope="module")
-def symaware(run: Run) -> Run:
-    return lambda *arguments, **options: run("-m", "symaware_cli", *arguments, **options)
-
-
-@pytest.fixture(scope="module")
-def log(symaware: Run, outside: Path) -> Path:
-    symaware("run", "drift.yaml", "--quiet", "--output", "drift.mcap")
+def log(symaware: Command, outside: Path) -> Path:
+    symaware("run", "drift.yaml", "--quiet", "--output", "drift.mcap", process=True)
     return outside / "drift.mcap"
 
 
@@ -130,7 +110,7 @@ def test_the_plugin_is_one_file_and_one_entry_point(outside: Path) -> None:
     ]
 
 
-def test_the_kind_is_listed_shown_and_part_of_the_schema(symaware: Run) -> None:
+def test_the_kind_is_listed_shown_and_part_of_the_schema(symaware: Command) -> None:
     listed = json.loads(symaware("list", "faults", "--json").stdout)
     assert ("mine-drift", "my-package") in {(each["name"], each["package"]) for each in listed}
     assert "Drift, in the model's order" in symaware("show", "mine-drift").stdout
@@ -151,7 +131,7 @@ def test_the_kind_is_listed_shown_and_part_of_the_schema(symaware: Run) -> None:
         (", rate: [0.0, 0.4]", "", "drift.yaml:16:29: the field `rate` is missing in `faults.tide.mine-drift`"),
     ],
 )
-def test_a_problem_is_located(symaware: Run, outside: Path, was: str, becomes: str, problem: str) -> None:
+def test_a_problem_is_located(symaware: Command, outside: Path, was: str, becomes: str, problem: str) -> None:
     (outside / "wrong").mkdir(exist_ok=True)
     text = (outside / "drift.yaml").read_text()
     assert text.count(was) == 1
@@ -161,7 +141,7 @@ def test_a_problem_is_located(symaware: Run, outside: Path, was: str, becomes: s
     assert becomes != "mine-drfit" or "did you mean `mine-drift`?" in refused
 
 
-def test_without_the_plugin_its_key_is_unknown(symaware: Run) -> None:
+def test_without_the_plugin_its_key_is_unknown(symaware: Command) -> None:
     assert "unknown key `mine-drift`" in symaware("validate", "drift.yaml", status=2, plugin=False).stderr
     symaware("validate", "drift.yaml")
 
@@ -179,7 +159,7 @@ def test_the_effect_lasts_as_long_as_the_scenario_says(log: Path) -> None:
     assert told == [(1.0, "fault", "agents.robot.1.see"), (3.0, "fault-over", "agents.robot.1.see")]
 
 
-def test_replays_and_plots_show_it_also_without_the_plugin(symaware: Run, outside: Path, log: Path) -> None:
+def test_replays_and_plots_show_it_also_without_the_plugin(symaware: Command, outside: Path, log: Path) -> None:
     symaware("replay", log.name, "--save", "drift.rrd", plugin=False)
     rows = Recording(outside / "drift.rrd").rows
     texts = [str(value) for (entity, _), each in rows.items() if entity == "/log/events" for _, value in each]
@@ -187,11 +167,14 @@ def test_replays_and_plots_show_it_also_without_the_plugin(symaware: Run, outsid
     symaware("plot", log.name, "--output", "drift.svg", plugin=False)
 
 
-def test_a_state_captured_while_it_lasts_is_restored(run: Run) -> None:
-    assert run("-c", RESTORE).stdout.strip() == "[('fault-over', 'tide: over')]"
+def test_a_state_captured_while_it_lasts_is_restored(outside: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": str(outside / "site")}
+    line = [sys.executable, "-P", "-c", RESTORE]
+    done = subprocess.run(line, cwd=outside, env=environment, capture_output=True, text=True, timeout=300, check=False)
+    assert done.stdout.strip() == "[('fault-over', 'tide: over')]", done.stderr
 
 
-def test_a_branch_begins_with_another_one(symaware: Run, log: Path, outside: Path) -> None:
+def test_a_branch_begins_with_another_one(symaware: Command, log: Path, outside: Path) -> None:
     change = "faults.ebb={mine-drift: {of: robot.0.see, rate: [0.3, 0.0]}}"
     symaware("branch", log.name, "--at", "2.0", "--set", change, "--output", "branch.mcap", "--quiet")
     told = [event.text for event in open_log(outside / "branch.mcap").events() if event.name == "fault"]
@@ -201,5 +184,5 @@ def test_a_branch_begins_with_another_one(symaware: Run, log: Path, outside: Pat
     ]
 
 
-def test_the_log_alone_suffices_to_repeat_the_run(symaware: Run, log: Path) -> None:
+def test_the_log_alone_suffices_to_repeat_the_run(symaware: Command, log: Path) -> None:
     symaware("verify", log.name)

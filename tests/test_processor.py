@@ -61,17 +61,17 @@ def test_variables_that_are_set_already_are_kept() -> None:
 
 
 @needs_level
-def test_a_run_and_its_log_report_that_variables_were_set_differently(command: Command, scenarios: Path) -> None:
+def test_a_run_and_its_log_report_that_variables_were_set_differently(process: Command, scenarios: Path) -> None:
     short = ("--set", "run.duration=0.1")
-    done = command("run", scenarios / "hello.yaml", *short, "-o", "a.mcap", env=clean(OPENBLAS_CORETYPE="Nehalem"))
+    done = process("run", scenarios / "hello.yaml", *short, "-o", "a.mcap", env=clean(OPENBLAS_CORETYPE="Nehalem"))
     assert done.returncode == 0
     assert "symaware: OpenBLAS uses its kernel Nehalem (set by the environment" in done.stderr
     told = json.loads(open_log("a.mcap").attachments["versions.json"])
     assert "Nehalem" in told["BLAS"]
     assert told["Pinned"].startswith("no: OpenBLAS uses its kernel Nehalem")
-    assert "OpenBLAS uses its kernel Nehalem" in command("inspect", "a.mcap").stdout
+    assert "OpenBLAS uses its kernel Nehalem" in process("inspect", "a.mcap").stdout
 
-    done = command("run", scenarios / "hello.yaml", *short, "-o", "b.mcap", env=clean())
+    done = process("run", scenarios / "hello.yaml", *short, "-o", "b.mcap", env=clean())
     assert (done.returncode, done.stderr) == (0, "")
     told = json.loads(open_log("b.mcap").attachments["versions.json"])
     assert (told["Pinned"], "Haswell, 1 thread" in told["BLAS"]) == ("yes", True)
@@ -139,7 +139,7 @@ subprocess.run([sys.executable, "-P", "-c", code], env=processor.environment(), 
 
 
 @needs_level
-def test_workers_compute_with_the_same_kernels_as_the_run(command: Command, doubles: Path, tmp_path: Path) -> None:
+def test_workers_compute_with_the_same_kernels_as_the_run(process: Command, doubles: Path, tmp_path: Path) -> None:
     (tmp_path / "kernels.yaml").write_text(
         """
 symaware: 1
@@ -156,15 +156,15 @@ agents:
 """
     )
     for variables in ({}, {"OPENBLAS_CORETYPE": "Nehalem"}):
-        done = command("run", "kernels.yaml", "-o", "a.mcap", env=clean(**variables))
+        done = process("run", "kernels.yaml", "-o", "a.mcap", env=clean(**variables))
         assert done.returncode == 0, done.stderr
         told = {event.text for event in open_log("a.mcap").events() if event.name == "kernels"}
         assert len(told) == 1
         assert (variables.get("OPENBLAS_CORETYPE", "Haswell")) in told.pop()
 
 
-def test_the_program_starts_without_numpy_and_pins_all_the_same(command: Command) -> None:
-    assert command("--version", env=clean()).returncode == 0
+def test_the_program_starts_without_numpy_and_pins_all_the_same(process: Command) -> None:
+    assert process("--version", env=clean()).returncode == 0
     assert "numpy" not in python("import sys, symaware_cli.cli; print(*sys.modules)").split()
 
 

@@ -30,7 +30,7 @@ def symaware(folder: Path) -> Command:
 
 @pytest.fixture(scope="module")
 def log(folder: Path, symaware: Command) -> Path:
-    symaware("run", "radar.yaml", "--quiet")
+    symaware("run", "radar.yaml", "--quiet", process=True)
     return folder / "radar.mcap"
 
 
@@ -166,7 +166,7 @@ def test_several_processes_record_the_signals_of_their_own_agents_and_their_logs
     here, port = ("--set", "agents.robot.components.radar.run_in=here"), free_port()
     with ThreadPoolExecutor() as both:
         done = [
-            both.submit(symaware, "run", "radar.yaml", "--quiet", *here, *role)
+            both.submit(symaware, "run", "radar.yaml", "--quiet", *here, *role, process=True)
             for role in (
                 ("--listen", port, "--only", "robot.0", "--output", folder / "host.mcap"),
                 ("--join", f"127.0.0.1:{port}", "--only", "robot.1,robot.2", "--output", folder / "member.mcap"),

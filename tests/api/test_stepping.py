@@ -32,9 +32,9 @@ def identity(path: Path | str) -> tuple[list[tuple[str, int, int, bytes]], dict[
 
 @pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
 def test_a_log_is_the_same_by_the_command_by_a_run_and_by_steps(
-    scenario: Scenario, command: Command, mode: Mode
+    scenario: Scenario, process: Command, mode: Mode
 ) -> None:
-    assert command("run", "swap.yaml", "-o", "command.mcap", "--set", f"run.mode={mode}").returncode == 0
+    assert process("run", "swap.yaml", "-o", "command.mcap", "--set", f"run.mode={mode}").returncode == 0
     scenario.run(output="run.mcap", mode=mode)
     with scenario.start(output="steps.mcap", mode=mode) as simulation:
         while not simulation.done:

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from checkout import CHECKOUT
+from simulating import in_process
 
 from symaware_cli.views.viewer import Viewer, require, viewer
 
@@ -50,8 +51,8 @@ def test_a_run_appears_in_the_viewer_and_its_log_is_that_of_any_other_run(screen
     assert run.returncode == 0, run.stderr
     assert json.loads(run.stdout)["status"] == "finished"
     assert 12_000_000_000 in ends_in_viewer(screen)
-    assert done("run", SCENARIO, "-o", plain).returncode == 0
-    digests = [done("log", "digest", log).stdout for log in (live, plain)]
+    assert in_process("run", SCENARIO, "-o", plain).returncode == 0
+    digests = [in_process("log", "digest", log).stdout for log in (live, plain)]
     assert digests[0] == digests[1] != ""
 
 
@@ -92,6 +93,6 @@ def test_without_a_screen_the_run_is_made_all_the_same(tmp_path: Path) -> None:
 
 
 def test_following_is_refused_where_a_file_is_asked_for(tmp_path: Path) -> None:
-    refused = done("replay", tmp_path / "a.mcap", "--follow", "--save", tmp_path / "a.rrd")
+    refused = in_process("replay", tmp_path / "a.mcap", "--follow", "--save", tmp_path / "a.rrd")
     assert refused.returncode == 2
     assert "--follow shows a whole log" in refused.stderr

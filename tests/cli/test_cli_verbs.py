@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import typer
 from checkout import CHECKOUT
-from simulating import Command
+from simulating import Command, in_process
 
 import symaware_cli
 from symaware_cli.cli.application import all_commands
@@ -171,8 +171,8 @@ def test_every_verb_of_this_package_is_declared_and_in_a_group_of_the_help() -> 
         assert place_of(getattr(sys.modules[module], name)).group in GROUPS, target
 
 
-def test_the_help_lists_the_verbs_of_plugins_in_their_groups(process: Command, sound: None) -> None:
-    listed = sections(process("--help").stdout)
+def test_the_help_lists_the_verbs_of_plugins_in_their_groups(sound: None, site: Path) -> None:
+    listed = sections(in_process("--help", site=site).stdout)
     assert list(listed)[1:] == [*GROUPS.values(), "weather", "Other commands"]
     assert [line.split()[0] for line in listed["Check"]][:3] == ["validate", "plan", "speed"]
     assert "speed Check speeds." in listed["Check"]
@@ -203,29 +203,29 @@ def test_errors_of_logs_and_scenarios_are_reported_for_the_verb_of_a_plugin(proc
     assert done.stderr == "symaware: there is no file missing.mcap\n"
 
 
-def test_a_verb_that_cannot_be_used_breaks_no_other(process: Command, site: Path, log: Path) -> None:
+def test_a_verb_that_cannot_be_used_breaks_no_other(site: Path, log: Path) -> None:
     install(
         site,
         "faulty-verbs",
         {name: code for name, (code, _) in FAULTS.items()},
         {name: f"{name}:{name}" for name in FAULTS},
     )
-    listed = process("--help")
+    listed = in_process("--help", site=site)
     assert listed.returncode == 0
     shown = sections(listed.stdout)
     unusable = {line.split()[0]: line for line in shown.pop("Cannot be used")}
     assert unusable.keys() == FAULTS.keys()
     assert set(DECLARED) <= {line.split()[0] for lines in shown.values() for line in lines}
-    assert process("inspect", log).returncode == 0
+    assert in_process("inspect", log, site=site).returncode == 0
     for name, (_, reason) in FAULTS.items():
         said = f"the command `{name}` of faulty-verbs 1.0 {reason}"
         assert said[:60] in unusable[name]
         for line in ([name], [name, "--help"], [name, "some", "--thing", "3"]):
-            done = process(*line)
+            done = in_process(*line, site=site)
             assert (done.returncode, done.stdout) == (2, "")
             assert done.stderr.startswith(f"symaware: {said}")
             assert "Traceback" not in done.stderr
-    assert "no licence" in json.loads(process("raising", "--json").stdout)["error"]
+    assert "no licence" in json.loads(in_process("raising", "--json", site=site).stdout)["error"]
     assert completed("rais") == []
 
 
@@ -240,13 +240,13 @@ def test_a_verb_of_this_package_cannot_be_replaced(process: Command, site: Path,
     assert completed("insp") == ["inspect"]
 
 
-def test_a_verb_that_two_packages_register_belongs_to_neither(process: Command, site: Path) -> None:
+def test_a_verb_that_two_packages_register_belongs_to_neither(site: Path) -> None:
     for package in ("first", "second"):
         install(site, package, {package: "def twice() -> None: print('run')\n"}, {"twice": f"{package}:twice"})
-    done = process("twice")
+    done = in_process("twice", site=site)
     said = "the command `twice` is registered by first and second; uninstall one of them"
     assert (done.returncode, done.stdout, done.stderr) == (2, "", f"symaware: {said}\n")
-    assert sections(process("--help").stdout)["Cannot be used"] == [f"twice {said}"]
+    assert sections(in_process("--help", site=site).stdout)["Cannot be used"] == [f"twice {said}"]
 
 
 @pytest.mark.parametrize("verb", ["validate", "speed"])

@@ -137,7 +137,6 @@ def test_a_file_of_two_megabytes_is_refused_before_it_is_parsed(tmp_path: Path) 
 def test_running_a_broken_file_reports_the_same_and_creates_no_log(
     name: str, tmp_path: Path, command: Callable[..., subprocess.CompletedProcess[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [str(PLUGINS), os.environ.get("PYTHONPATH")])))
     shutil.copy(BAD / name, tmp_path)
     done = command("run", name, *options(name))
     assert (done.returncode, done.stdout) == (2, "")

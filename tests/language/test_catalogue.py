@@ -107,18 +107,18 @@ def test_an_unknown_name_gets_the_nearest_one_and_those_of_its_family() -> None:
 
 
 def test_the_plugins_are_found_in_a_process_of_its_own(
-    command: Callable[..., subprocess.CompletedProcess[str]], monkeypatch: pytest.MonkeyPatch
+    process: Callable[..., subprocess.CompletedProcess[str]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [str(PLUGINS), os.environ.get("PYTHONPATH")])))
-    listed = command("list", "components")
+    listed = process("list", "components")
     assert listed.returncode == 0
     assert "broken.exits" in listed.stdout
     assert "broken-plugins 1.0" in listed.stdout
-    shown = command("show", "broken.exits")
+    shown = process("show", "broken.exits")
     assert shown.returncode == 2
     assert "cannot be imported: SystemExit" in shown.stderr
-    assert command("show", "perception.self").returncode == 0
-    schema = command("schema")
+    assert process("show", "perception.self").returncode == 0
+    schema = process("schema")
     assert schema.returncode == 0
     assert schema.stderr.count("symaware: left out: ") >= 10
     assert '"sound.watch"' in schema.stdout

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
-import subprocess
-import sys
+from contextlib import chdir
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ import pytest
 from learning_scenarios import SCENARIOS
 from numpy.typing import NDArray
 from policy_files import model, node, recurrent
-from simulating import untyped
+from simulating import in_process, untyped
 
 import symaware_cli as sa
 from symaware_cli.learning.policy import PolicyController
@@ -83,8 +82,8 @@ def test_an_episode_driven_by_the_policy_is_the_run_of_its_index(
         observations, *_ = environment.step(dict(zip(environment.agents, actions, strict=True)))
     episode = sa.open_log(environment.record(folder / "episode.mcap"))
     settings = [f"--set={path}={json.dumps(value)}" for path, value in {**changes, **using(name)}.items()]
-    command = [sys.executable, "-m", "symaware_cli", "run", "learned.yaml", "--seed=5", "--index=1", "-o", "run.mcap"]
-    done = subprocess.run([*command, *settings], cwd=folder, check=False, capture_output=True, text=True)
+    with chdir(folder):
+        done = in_process("run", "learned.yaml", "--seed=5", "--index=1", "-o", "run.mcap", *settings)
     assert done.returncode in (0, 3), done.stderr
     run = sa.open_log(folder / "run.mcap")
     assert run.manifest["seed"] == infos["robot.0"]["seed"]

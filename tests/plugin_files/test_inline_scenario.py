@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from own_files import CONTROLLER
-from simulating import COMMAND
+from simulating import in_process
 
 import symaware_cli as sa
 
@@ -107,7 +107,7 @@ def test_a_class_in_a_file_of_the_folder_is_repeated_from_the_log_alone(folder: 
     )
     (folder / "ours.py").unlink()
     (folder / "program.py").unlink()
-    verified = subprocess.run([*COMMAND, "verify", "inline.mcap", "--trust"], capture_output=True, text=True)
+    verified = in_process("verify", "inline.mcap", "--trust")
     assert verified.returncode == 0, verified.stderr
     assert "trusted ours.py" in verified.stderr
 
@@ -133,12 +133,12 @@ sa.scenario(document({use})).run(output="inline.mcap")
     (folder / "program.py").write_text(program)
     subprocess.run([sys.executable, "program.py"], check=True)
     for trust in ([], ["--trust"]):
-        verified = subprocess.run([*COMMAND, "verify", "inline.mcap", *trust], capture_output=True, text=True)
+        verified = in_process("verify", "inline.mcap", *trust)
         assert verified.returncode == 2
         assert "was defined by the program that made this scenario" in verified.stderr
         assert "1 problem in" in verified.stderr
     # Everything that needs no code reads it.
-    assert subprocess.run([*COMMAND, "inspect", "inline.mcap"], capture_output=True).returncode == 0
+    assert in_process("inspect", "inline.mcap").returncode == 0
 
 
 def test_a_class_of_the_main_program_is_refused_in_workers(folder: Path) -> None:

@@ -2,15 +2,14 @@
 
 import hashlib
 import json
-import os
-import subprocess
 from collections.abc import Callable
+from contextlib import chdir
 from pathlib import Path
 
 import numpy as np
 import pytest
 from own_files import CONTROLLER, SCENARIO, written
-from simulating import COMMAND, Command
+from simulating import Command, in_process
 from typer.testing import CliRunner, Result
 
 import symaware_cli
@@ -230,10 +229,12 @@ def hostile(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with a scenario whose file notes that it was executed, with a log, a sweep and a branch of it."""
     folder = tmp_path_factory.mktemp("hostile")
     written(folder, HOSTILE.format(marker=str(folder)))
-    settings = {**os.environ, "XDG_CONFIG_HOME": str(folder / "configuration"), HANDED_DOWN: "[]"}
 
     def made(*words: str) -> None:
-        subprocess.run([*COMMAND, *words], cwd=folder, env=settings, check=True, capture_output=True)
+        with chdir(folder), pytest.MonkeyPatch.context() as patch:
+            patch.setenv("XDG_CONFIG_HOME", str(folder / "configuration"))
+            patch.setenv(HANDED_DOWN, "[]")
+            assert in_process(*words).returncode == 0
 
     made("trust", ".")
     made("run", "own.yaml", "-q")

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from independent_member import FRAME, Wire
-from simulating import COMMAND, present
+from simulating import in_process, present
 from spreading import PATIENCE, Spread, goal_seekers, written
 
 from symaware_cli import __version__, open_log
@@ -44,9 +44,7 @@ def spread(tmp_path: Path, doubles: Path) -> Iterator[Callable[..., Spread]]:
 
 def independent(run: Spread, agent: str, goal: Sequence[float], key: bytes = b"") -> subprocess.Popen[str]:
     """Start the member that has only sockets, protobuf and docs/wire.md."""
-    told = subprocess.run(
-        [*COMMAND, "validate", "--json", str(run.scenario)], capture_output=True, text=True, check=True
-    )
+    told = in_process("validate", "--json", run.scenario)
     line = [sys.executable, "-I", HERE / "independent_member.py", transport_pb2.__file__, f"127.0.0.1:{run.port}"]
     line += [json.loads(told.stdout)["digest"], __version__, key.hex(), agent, *goal]
     return subprocess.Popen(list(map(str, line)), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

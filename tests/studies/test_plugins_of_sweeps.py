@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import subprocess
-import sys
+from contextlib import chdir
 from pathlib import Path
 
 import pytest
 from checkout import CHECKOUT
+from simulating import in_process
 
 SCENARIOS = CHECKOUT / "scenarios"
 
@@ -95,10 +95,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def symaware(site: Path, *arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "symaware_cli", *map(str, arguments)]
-    return subprocess.run(
-        command, capture_output=True, text=True, cwd=site, check=False, env={**os.environ, "PYTHONPATH": str(site)}
-    )
+    with chdir(site):
+        return in_process(*arguments, site=site)
 
 
 def test_an_executor_is_a_plugin_and_does_not_affect_the_table(site: Path, tmp_path: Path) -> None:

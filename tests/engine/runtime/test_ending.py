@@ -161,11 +161,11 @@ agents:
 
 
 def test_the_command_has_a_time_out(
-    doubles: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    doubles: Path, process: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("PROGRESS", str(tmp_path / "progress"))
     (tmp_path / "long.yaml").write_text(SCENARIO.replace("MORE", ""))
-    done = command("run", "long.yaml", "--timeout", "0.5")
+    done = process("run", "long.yaml", "--timeout", "0.5")
     assert done.returncode == 130
     assert "long: interrupted after" in done.stdout
     assert present(open_log(tmp_path / "long.mcap").outcome)["status"] == "interrupted"

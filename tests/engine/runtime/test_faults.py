@@ -441,21 +441,21 @@ def test_the_command_names_the_failed_component_and_the_time_and_exits_1(
     tmp_path: Path,
 ) -> None:
     (tmp_path / "fault.yaml").write_text(SCENARIO.format(environment=json.dumps(environment), fault=json.dumps(fault)))
-    done = command("run", "fault.yaml", encoding="utf-8")
+    done = command("run", "fault.yaml")
     assert done.returncode == 1
     assert source in done.stderr
     assert said in done.stderr
     assert failure(tmp_path / "fault.mcap").source == source.partition(" ")[0]
 
 
-def test_the_traceback_is_shown_on_demand_and_also_in_json(command: Command, doubles: Path, tmp_path: Path) -> None:
+def test_the_traceback_is_shown_on_demand_and_also_in_json(process: Command, doubles: Path, tmp_path: Path) -> None:
     (tmp_path / "fault.yaml").write_text(SCENARIO.format(environment=json.dumps(SOUND), fault="{}"))
-    done = command("run", "fault.yaml", "--json")
+    done = process("run", "fault.yaml", "--json")
     assert (done.returncode, done.stderr) == (1, "")
     summary = json.loads(done.stdout)
     assert summary["status"] == "failed"
     assert "agents.robot.0.steer (doubles.fault) failed at 0 s" in summary["failure"]
-    shown = command("log", "events", "fault.mcap", encoding="utf-8")
+    shown = process("log", "events", "fault.mcap", encoding="utf-8")
     assert shown.returncode == 0
     assert "ZeroDivisionError: a fault on purpose \\udcff \N{SNOWMAN}" in shown.stdout
     assert "symaware_doubles.py" in shown.stdout

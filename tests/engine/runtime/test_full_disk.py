@@ -33,10 +33,10 @@ LIMIT = 2_000_000
 
 @pytest.mark.parametrize("options", [["--quiet"], ["--json"]])
 def test_a_run_that_may_write_no_more_reports_it_and_exits_1(
-    options: Any, doubles: Path, command: Command, tmp_path: Path
+    options: Any, doubles: Path, process: Command, tmp_path: Path
 ) -> None:
     (tmp_path / "bulky.yaml").write_text(SCENARIO)
-    done = command(
+    done = process(
         *("run", "bulky.yaml", *options),
         preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (LIMIT, LIMIT)),
     )
@@ -48,16 +48,16 @@ def test_a_run_that_may_write_no_more_reports_it_and_exits_1(
     assert present(log.end_time) > 0
     assert (tmp_path / "bulky.mcap").stat().st_size > LIMIT * 0.7
     if "--quiet" in options:
-        inspected = command("inspect", "bulky.mcap")
+        inspected = process("inspect", "bulky.mcap")
         assert inspected.returncode == 3
         assert "breaks off after" in inspected.stdout
         assert "bulk" in inspected.stdout
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="only Linux has /dev/full")
-def test_a_disk_that_is_full_from_the_start_is_reported_in_a_sentence(command: Command, tmp_path: Path) -> None:
+def test_a_disk_that_is_full_from_the_start_is_reported_in_a_sentence(process: Command, tmp_path: Path) -> None:
     (tmp_path / "quiet.yaml").write_text(QUIET)
-    done = command("run", "quiet.yaml", "--output", "/dev/full")
+    done = process("run", "quiet.yaml", "--output", "/dev/full")
     assert done.returncode == 1
     assert done.stderr.startswith("symaware: cannot write the log /dev/full: the disk is full")
     assert len(done.stderr.splitlines()) == 1
@@ -78,10 +78,10 @@ def test_a_file_system_that_fills_up_is_reported_in_a_sentence(doubles: Path, tm
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="only Linux has /dev/full")
 @pytest.mark.parametrize("verb", [["run", "quiet.yaml", "--no-record"], ["validate", "quiet.yaml"], ["list"]])
-def test_an_output_that_is_full_is_a_sentence_too(verb: Any, command: Command, tmp_path: Path) -> None:
+def test_an_output_that_is_full_is_a_sentence_too(verb: Any, process: Command, tmp_path: Path) -> None:
     (tmp_path / "quiet.yaml").write_text(QUIET)
     with open("/dev/full", "w") as full:
-        done = command(*verb, capture_output=False, stdout=full, stderr=subprocess.PIPE)
+        done = process(*verb, capture_output=False, stdout=full, stderr=subprocess.PIPE)
     assert done.returncode == 1
     assert done.stderr == "symaware: cannot write the output: the disk is full\n"
 

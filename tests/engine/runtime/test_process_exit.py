@@ -31,10 +31,10 @@ agents:
 
 
 @pytest.fixture
-def unruly(command: Command, doubles: Path, tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
+def unruly(process: Command, doubles: Path, tmp_path: Path) -> Callable[..., subprocess.CompletedProcess[str]]:
     def run(how: str, *arguments: object) -> subprocess.CompletedProcess[str]:
         (tmp_path / "unruly.yaml").write_text(SCENARIO.format(how=how))
-        return command("run", "unruly.yaml", *arguments)
+        return process("run", "unruly.yaml", *arguments)
 
     return run
 
@@ -112,7 +112,7 @@ def test_a_process_that_goes_on_is_named_and_ended(
     assert present(open_log(tmp_path / "unruly.mcap").outcome)["status"] == "finished"
 
 
-def test_a_log_without_an_outcome_is_reported(command: Command, doubles: Path, tmp_path: Path) -> None:
+def test_a_log_without_an_outcome_is_reported(process: Command, doubles: Path, tmp_path: Path) -> None:
     """As where native code ends the process, which nothing in it can prevent."""
 
     class Vanishes(Component):
@@ -128,7 +128,7 @@ def test_a_log_without_an_outcome_is_reported(command: Command, doubles: Path, t
         simulate({"robot": Team({"bad": Vanishes})}, 10, tmp_path / "run.mcap")
         os._exit(0)
     os.waitpid(child, 0)
-    done = command("inspect", "run.mcap")
+    done = process("inspect", "run.mcap")
     assert done.returncode == 3
     assert "the end of the run is missing" in done.stdout
 

@@ -86,12 +86,12 @@ def test_everything_up_to_the_last_second_is_read_and_the_loss_is_reported(
 
 
 def test_the_readable_part_after_a_kill_equals_an_undisturbed_run(
-    doubles: Path, command: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    doubles: Path, process: Command, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     doomed(tmp_path, monkeypatch, "", 1.2)
     broken = open_log(tmp_path / "doomed.mcap")
     duration = min(present(broken.end_time), 20_000_000_000) / 1e9
-    done = command("run", "doomed.yaml", "--set", f"run.duration={duration}", "--output", "whole.mcap")
+    done = process("run", "doomed.yaml", "--set", f"run.duration={duration}", "--output", "whole.mcap")
     assert done.returncode == 0, done.stderr
     whole = open_log(tmp_path / "whole.mcap")
     end = int(duration * 1e9)
