@@ -93,8 +93,7 @@ def versions_of(log: Path) -> dict[str, str]:
 
 def test_a_wheel_is_named_with_its_hash(installed: Installed, repository: Path, tmp_path: Path) -> None:
     line = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
-    line += ["--wheel-dir", tmp_path, repository]
-    subprocess.run([str(each) for each in line], check=True, timeout=300)
+    subprocess.run([*line, "--wheel-dir", str(tmp_path), str(repository)], check=True, timeout=300)
     (wheel,) = tmp_path.glob("*.whl")
     origin, commands = installed(wheel)
     digest = hashlib.sha256(wheel.read_bytes()).hexdigest()
