@@ -67,6 +67,9 @@ def invoked(*arguments: object, site: Path | None = None) -> Result:
     from symaware_cli.cli.application import application
 
     line = [str(argument) for argument in arguments]
+    # Another test may have imported what has the same names.
+    own = set() if site is None else {each.stem for each in site.iterdir()}
+    aside = {name: sys.modules.pop(name) for name in list(sys.modules) if name.partition(".")[0] in own}
     variables, path, modules = dict(os.environ), list(sys.path), set(sys.modules)
     handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
@@ -85,6 +88,7 @@ def invoked(*arguments: object, site: Path | None = None) -> Result:
             file = getattr(sys.modules[name], "__file__", None)
             if name.startswith(OF_FILES) or (site is not None and file and Path(file).is_relative_to(site)):
                 del sys.modules[name]
+        sys.modules.update(aside)
         for number, handler in handlers.items():
             if signal.getsignal(number) is not handler:
                 signal.signal(number, handler)
