@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import inspect
 import os
 import signal
 import subprocess
@@ -66,6 +67,10 @@ def invoked(*arguments: object, site: Path | None = None) -> Result:
 
     from symaware_cli.cli.application import application
 
+    # Versions of click before 8.2 mix both streams unless they are told not to, and later ones cannot be told.
+    mixes = "mix_stderr" in inspect.signature(CliRunner).parameters
+    streams: dict[str, Any] = {"mix_stderr": False} if mixes else {}
+    runner = CliRunner(**streams)
     line = [str(argument) for argument in arguments]
     # Another test may have imported what has the same names.
     own = set() if site is None else {each.stem for each in site.iterdir()}
@@ -78,7 +83,7 @@ def invoked(*arguments: object, site: Path | None = None) -> Result:
             os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, [str(site), variables.get("PYTHONPATH")]))
             importlib.invalidate_caches()
         with warnings.catch_warnings():
-            result = copy_context().run(CliRunner().invoke, application, line, prog_name="symaware")
+            result = copy_context().run(runner.invoke, application, line, prog_name="symaware")
     finally:
         sys.path[:] = path
         for name in os.environ.keys() - variables.keys():
