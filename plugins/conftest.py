@@ -1,3 +1,3 @@
-"""Tests of plugins compute with the kernels of every processor: `symaware_cli` selects them before NumPy is imported."""
+"""Tests of plugins compute with the kernels of every processor: `symaware_cli` selects them before NumPy is there."""
 
 import symaware_cli  # noqa: F401
