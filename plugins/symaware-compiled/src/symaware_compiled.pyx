@@ -29,20 +29,19 @@ cdef struct _Function:
     void *data
 
 
-cdef _Function _function(np.ufunc function) except *:
+cdef _Function _function(object function) except *:
     """Find the loop of a function of NumPy on doubles, as NumPy chose it for this processor."""
     cdef _Function found
-    cdef int number, operand
-    for number in range(function.ntypes):
-        for operand in range(function.nargs):
-            if function.types[number * function.nargs + operand] != np.NPY_DOUBLE:
-                break
-        else:
-            found.loop = <_Loop>function.functions[number]
-            found.data = (<void **>function.data)[number]
-            if found.loop != NULL:
-                return found
-    raise ImportError(f"this NumPy has no loop on doubles for {function}")
+    cdef int number
+    signature = "d" * function.nin + "->" + "d" * function.nout
+    if signature not in function.types:
+        raise ImportError(f"this NumPy has no loop on doubles for {function}")
+    number = function.types.index(signature)
+    found.loop = <_Loop>(<np.ufunc>function).functions[number]
+    found.data = (<void **>(<np.ufunc>function).data)[number]
+    if found.loop == NULL:
+        raise ImportError(f"this NumPy has no loop on doubles for {function}")
+    return found
 
 
 cdef _Function _SIN = _function(numpy.sin)
