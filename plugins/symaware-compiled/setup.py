@@ -1,5 +1,7 @@
 """Builds the one module of the package."""
 
+import tempfile
+
 import numpy
 from Cython.Build import cythonize
 from setuptools import Extension, setup
@@ -13,4 +15,6 @@ MODULE = Extension(
     extra_compile_args=["-O3", "-ffp-contract=off"],
 )
 
-setup(ext_modules=cythonize([MODULE], build_dir="build"))
+# What is written in C depends on the version of NumPy: none of another build may be left over.
+with tempfile.TemporaryDirectory() as folder:
+    setup(ext_modules=cythonize([MODULE], build_dir=folder))
