@@ -149,7 +149,7 @@ class Scope(ABC):
         return ()
 
     def getter(self, name: str) -> Callable[[], Any]:
-        """Return a function that returns what `look_up` does, but decides only once what the name stands for."""
+        """Return a function that returns the present values of a name, as `look_up`; the name is resolved once, here."""
         return partial(self.look_up, name)
 
     def look_up(self, name: str) -> Any:

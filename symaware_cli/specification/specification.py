@@ -48,7 +48,7 @@ class Offer:
 
 
 class Instant(dict[str, Any]):
-    """The values of names at one instant, each of which is looked up once."""
+    """The values of names at one instant; each name is looked up at its first use."""
 
     def __init__(self, getter: Callable[[str], Callable[[], Any]]) -> None:
         """Begin without values; `getter` as for `PredicateSampler`."""
@@ -132,7 +132,7 @@ class Specification:
 class PredicateSampler:
     """Samples the predicates of a specification at one instant after another.
 
-    What is the same at all instants is decided once. NumPy's warnings are left to the caller; a run ignores them.
+    Names are resolved when it is made. NumPy's warnings are left to the caller; a run ignores them.
     """
 
     def __init__(

@@ -462,8 +462,8 @@ class SpecificationMonitor:
     def _results(self) -> tuple[NDArray[np.int8], Array, Array]:
         """Return the verdicts and bounds of all instances, as of the last `_combine`.
 
-        In most runs nobody reads them at each step. They are to be read before instances begin or end, as what they
-        follow from is about to change.
+        They are combined at the first reading, since most runs do not read them at each step. Whoever lets instances
+        begin or end calls this before, as the cohorts change then.
         """
         if self._combined is None:
             interval = self.specification.interval

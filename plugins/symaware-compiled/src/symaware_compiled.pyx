@@ -76,28 +76,18 @@ cdef struct _Rows:
     np.npy_intp along
 
 
-cdef inline bint _rows(object values, _Rows *rows):
-    """Describe an array of doubles (n, k) with any strides; false if it is none."""
-    if not np.PyArray_Check(values) or np.PyArray_NDIM(<np.ndarray>values) != 2:
+cdef inline bint _rows(object values, _Rows *rows, int dimensions=2):
+    """Describe an array of doubles (n, k) with any strides, or (n,) as one column; false if it is none."""
+    if not np.PyArray_Check(values) or np.PyArray_NDIM(<np.ndarray>values) != dimensions:
         return False
     cdef np.ndarray array = values
     if np.PyArray_TYPE(array) != np.NPY_DOUBLE or not np.PyArray_ISBEHAVED_RO(array):
         return False
     rows.data = <char *>np.PyArray_DATA(array)
-    rows.count, rows.width = np.PyArray_DIM(array, 0), np.PyArray_DIM(array, 1)
-    rows.down, rows.along = np.PyArray_STRIDE(array, 0), np.PyArray_STRIDE(array, 1)
-    return True
-
-
-cdef inline bint _values(object values, _Rows *rows):
-    """Describe an array of doubles (n,) likewise, as one column."""
-    if not np.PyArray_Check(values) or np.PyArray_NDIM(<np.ndarray>values) != 1:
-        return False
-    cdef np.ndarray array = values
-    if np.PyArray_TYPE(array) != np.NPY_DOUBLE or not np.PyArray_ISBEHAVED_RO(array):
-        return False
-    rows.data = <char *>np.PyArray_DATA(array)
-    rows.count, rows.width, rows.down, rows.along = np.PyArray_DIM(array, 0), 1, np.PyArray_STRIDE(array, 0), 0
+    rows.count, rows.down = np.PyArray_DIM(array, 0), np.PyArray_STRIDE(array, 0)
+    rows.width, rows.along = 1, 0
+    if dimensions == 2:
+        rows.width, rows.along = np.PyArray_DIM(array, 1), np.PyArray_STRIDE(array, 1)
     return True
 
 
@@ -317,7 +307,7 @@ def aimed(state, velocity, Py_ssize_t heading):
 
 def steered(speed, error, gain):
     cdef _Rows of, off
-    if not (_values(speed, &of) and _values(error, &off) and isinstance(gain, float) and of.count == off.count):
+    if not (_rows(speed, &of, 1) and _rows(error, &off, 1) and isinstance(gain, float) and of.count == off.count):
         return _references["steered"](speed, error, gain)
     cdef np.npy_intp row, count = of.count
     cdef np.ndarray result = _matrix(count, 2), scratch = _vector(2 * count)

@@ -11,10 +11,10 @@ from pydantic import Field, model_validator
 from symaware_cli.core import AgentGroup, ScenarioView
 from symaware_cli.engine.components.control.goal import GoalSeeking
 from symaware_cli.engine.components.control.half_planes import HalfPlanes, nearest_velocity
-from symaware_cli.engine.components.control.steering import along, directions, scaled
+from symaware_cli.engine.components.control.steering import along, approach
 from symaware_cli.engine.components.relative_motion import RelativeMotion, bounding_radii, dot, own_velocity
 from symaware_cli.engine.components.scan_surfaces import ScanOptions, ScanReturns, ScanSurfaces, check_scan
-from symaware_cli.geometry import Array, Indices, lengths
+from symaware_cli.geometry import Array, Indices
 
 #: How much constraints of obstacles yield, relative to agents, if infeasible: obstacles do not move aside.
 _OBSTACLE_WEIGHT = 0.01
@@ -152,10 +152,8 @@ class VelocityObstacle(GoalSeeking):
 
     def _compute(self) -> tuple[Array, Array, Array, Array, ScanReturns | None]:
         model, state, goal = self._group.model, self._group.awareness.state, self._goals(self._group)
-        position = model.positions(state)
-        way = goal - position
-        distance = lengths(way)
-        preferred = scaled(directions(way, distance), self._slowing(distance))
+        position, given = model.positions(state), self.parameters
+        distance, _, _, preferred = approach(goal, position, given.speed, given.gain)
         relative = RelativeMotion(self._group, self.parameters.reach, self._radii, own_velocity(self._group))
         returns = None if self._surfaces is None else self._surfaces.returns(self._group, self.now)
         planes = _joined(self._obstacle_planes(position, returns), self._agent_planes(relative))
