@@ -149,7 +149,7 @@ class Scope(ABC):
         return ()
 
     def getter(self, name: str) -> Callable[[], Any]:
-        """Return a function that returns the present values of a name, as `look_up`; the name is resolved once, here."""
+        """Return a function that returns the present values of a name, as `look_up`; it is resolved here, once."""
         return partial(self.look_up, name)
 
     def look_up(self, name: str) -> Any:

@@ -132,7 +132,7 @@ class Specification:
 class PredicateSampler:
     """Samples the predicates of a specification at one instant after another.
 
-    Names are resolved when it is made. NumPy's warnings are left to the caller; a run ignores them.
+    Names are resolved at the first instant. NumPy's warnings are left to the caller; a run ignores them.
     """
 
     def __init__(
