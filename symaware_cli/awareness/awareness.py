@@ -304,7 +304,7 @@ class SelfAwareness(AwarenessVector):
 
     @intent.setter
     def intent(self, series: TimeSeries) -> None:
-        self._awareness.intent.set_row(self._row, series)
+        self._awareness.columns["intent"].set_row(self._row, series)  # type: ignore[arg-type]
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._awareness.parts)

@@ -238,6 +238,20 @@ class AwarenessDatabase(MutableMapping[str, AwarenessVector]):
         self._awareness.holders.add(self._row)
         self._awareness.others_changed["state"].add(self._row)
 
+    def see(self, snapshot: Snapshot) -> None:
+        """Believe the true states of all agents, that of the agent itself included.
+
+        Raises:
+            KeyError: The agent is absent.
+        """
+        self.world = snapshot
+        self._awareness.state_column.set_row(self._row, snapshot.state(self._own.id))
+
+    def sees_all(self, now: int) -> bool:
+        """Whether the agent believes the true states of all agents at an instant, in nanoseconds, and nothing else."""
+        world = self._world or self._awareness.world
+        return world is not None and world.time == now and not self.others.places
+
     def perceived(self, id: str) -> Array | None:
         """Return the motion of another by the group's components, without the agent's own; None if unknown."""
         place = self._place(id)

@@ -46,12 +46,11 @@ class PerceptionSystem(Component):
         )
 
     def _update(self, value: Mapping[str, ArrayLike] | Snapshot) -> None:
-        agent = self._agent
+        database = self._agent.awareness_database
         if isinstance(value, Snapshot):
-            agent.awareness_database.world = value
-            agent.self_awareness.state = value.state(agent.id)
+            database.see(value)
         else:
-            agent.awareness_database.set_states(value)
+            database.set_states(value)
 
 
 class UncertaintyEstimator(Component):

@@ -64,9 +64,7 @@ class OthersChannel:
         if not rows:
             return _NOTHING
         databases = [agent.awareness_database for agent in self._group.agents]
-        if tracks is None and all(
-            each.world is not None and each.world.time == now and not each.others.places for each in databases
-        ):
+        if tracks is None and all(each.sees_all(now) for each in databases):
             return count, others_message.WHOLE_WORLD
         return self._encode_rows(now, rows, databases)
 

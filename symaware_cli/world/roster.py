@@ -6,9 +6,9 @@ Reasons: docs/decisions/0005-agent-ids-and-the-roster.md
 from __future__ import annotations
 
 import fnmatch
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from operator import is_
-from typing import TypeAlias
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,9 @@ from numpy.typing import ArrayLike, NDArray
 from symaware_cli.world.chance import Numbers, agent_numbers
 from symaware_cli.world.model import Model
 from symaware_cli.world.motion_layout import motions_of
+
+if TYPE_CHECKING:
+    from symaware_cli.world.snapshot import StatesById
 
 Array = NDArray[np.float64]
 
@@ -38,6 +41,7 @@ class Roster:
         starts: The index of each group's first agent.
         dimensions: The greatest number of dimensions in which they move.
         runs: The agents of each run by index, if the world is that of a batch of runs; shape (runs, n). None otherwise.
+        shared: The true states that were last asked for by id, whose rows `motions` recognises.
     """
 
     __slots__ = (
@@ -52,8 +56,12 @@ class Roster:
         "ids",
         "indices",
         "runs",
+        "shared",
         "starts",
     )
+
+    #: No state: without them, motions are computed again.
+    uncaptured: ClassVar[Collection[str]] = ("shared",)
 
     def __init__(
         self,
@@ -86,10 +94,15 @@ class Roster:
                 for start, count in zip(self.starts, self.counts, strict=True)
             ]
             self.runs = np.concatenate(shares, axis=1)
+        self.shared: StatesById | None = None
         self._tables: dict[tuple[str, ...], _MotionLayout] = {}
         self._places = {
             id: (number, row) for number, group in enumerate(self.groups) for row, id in enumerate(members[group])
         }
+
+    def __getstate__(self) -> Any:
+        """Return the state for another process, without states of one instant."""
+        return None, {name: None if name == "shared" else getattr(self, name) for name in self.__slots__}
 
     @property
     def numbers(self) -> Numbers:
@@ -126,12 +139,19 @@ class Roster:
 
         Args:
             states: The state of its model, the motion or the position of each, by id.
-            check: Called with the motions, except where the result is the same object as before.
+            check: Called with the motions, except with those of `shared`.
 
         Returns:
             The row of each by id, their motions, shape (k, 2d), and the rows by id; none of them may be changed. None
             unless all ids are agents and the arrays for each model have the same shape.
         """
+        shared = self.shared
+        if (
+            shared is not None
+            and len(shared) == len(states) == len(self.ids)
+            and all(map(is_, map(shared.get, states), states.values()))
+        ):
+            return self.indices, shared.motions, shared.rows
         ids = tuple(states)
         table = self._tables.get(ids)
         if table is None:
@@ -139,16 +159,11 @@ class Roster:
                 return None
             self._tables.clear()  # of no use if the set of agents changes often
             table = self._tables[ids] = _MotionLayout(self, ids)
-        values = list(states.values())
-        if (known := table.known(values)) is not None:
-            return known
-        motions = table.motions(values, self.dimensions)
+        motions = table.motions([*states.values()], self.dimensions)
         if motions is None:
             return None
         check(motions)
-        found = table.places, motions, dict(zip(ids, motions, strict=True))
-        table.keep(values, found)
-        return found
+        return table.places, motions, dict(zip(ids, motions, strict=True))
 
     def matching(self, pattern: str) -> list[int]:
         """Return the indices of the agents that an id, the name of a group or a pattern matches, ascending.
@@ -184,13 +199,11 @@ class Roster:
 class _MotionLayout:
     """Converts the states of a fixed set of agents to rows of motions.
 
-    Often all agents perceive the same rows of the world in a step: then they share the motions.
-
     Attributes:
         places: The row of each agent by id.
     """
 
-    __slots__ = ("_found", "_models", "_states", "places")
+    __slots__ = ("_models", "places")
 
     def __init__(self, roster: Roster, ids: Sequence[str]) -> None:
         self.places = {id: row for row, id in enumerate(ids)}
@@ -198,18 +211,6 @@ class _MotionLayout:
         for row, id in enumerate(ids):
             rows.setdefault(roster.groups[roster.place(id)[0]], []).append(row)
         self._models = [(roster.model(ids[chosen[0]]), chosen) for chosen in rows.values()]
-        #: States that can no longer change, and what was found for them; the states are empty before the first.
-        self._states: Sequence[ArrayLike] = ()
-        self._found: MotionTable | None = None
-
-    def known(self, states: Sequence[ArrayLike]) -> MotionTable | None:
-        """Return the last stored result if it is for the same objects."""
-        return self._found if len(self._states) == len(states) and all(map(is_, self._states, states)) else None
-
-    def keep(self, states: Sequence[ArrayLike], found: MotionTable) -> None:
-        """Store the result for some states, if these cannot be changed."""
-        if all(map(_is_fixed, states)):
-            self._states, self._found = states, found
 
     def motions(self, states: Sequence[ArrayLike], dimensions: int) -> Array | None:
         """Return their motions, read-only; shape (k, 2d). None if arrays of a group do not have one suitable shape."""
@@ -232,11 +233,3 @@ class _MotionLayout:
                 return None
         motions.flags.writeable = False
         return motions
-
-
-def _is_fixed(values: ArrayLike) -> bool:
-    """Return whether an array is a read-only view of a read-only array, which owns its memory."""
-    if not isinstance(values, np.ndarray) or values.flags.writeable:
-        return False
-    base = values.base
-    return isinstance(base, np.ndarray) and base.base is None and not base.flags.writeable

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import ItemsView, Iterator, KeysView, Mapping, Sequence, ValuesView
+from collections.abc import Sequence
 from itertools import chain, compress
 from typing import Any
 
@@ -119,7 +119,7 @@ class Snapshot:
     def states_by_id(self) -> StatesById:
         """The states of all present agents as one shared mapping."""
         if self._by_id is None:
-            self._by_id = StatesById(self, self._models)
+            self._by_id = self.roster.shared = StatesById(self, self._models)
         return self._by_id
 
     def motion(self, id: str) -> Array:
@@ -186,26 +186,29 @@ class Snapshot:
         return np.concatenate([np.empty(0), *rates])
 
 
-class StatesById(Mapping[str, Array]):
-    """The states of all present agents at one instant, by id in the roster's order: a mapping backed by shared arrays.
+def _refuse(states: StatesById, *_: Any, **__: Any) -> Any:
+    raise TypeError("these states are shared by all agents: change a copy, dict(states)")
 
-    A perception may return it; storing it then costs one reference for any number of agents.
+
+class StatesById(dict[str, Array]):
+    """The states of all present agents at one instant, by id in the roster's order: rows of shared arrays, read-only.
+
+    A perception may return it; storing it then costs one reference for any number of agents. It is a dictionary because
+    Python copies dictionaries many times faster than other mappings.
 
     Attributes:
         snapshot: The snapshot.
     """
 
-    __slots__ = ("_models", "_motions", "_rows", "_states", "snapshot")
+    __slots__ = ("_models", "_motions", "_rows", "snapshot")
 
     def __init__(self, snapshot: Snapshot, models: Sequence[Model]) -> None:
+        rows = zip(snapshot.roster.ids, chain.from_iterable(snapshot.states), strict=True)
+        super().__init__(rows if snapshot.present is None else compress(rows, snapshot.present.tolist()))
         self.snapshot = snapshot
         self._models = models
         self._motions: Array | None = None
         self._rows: dict[str, Array] | None = None
-        # Each row is one object for all readers, by which `Roster.motions` recognises it.
-        rows = zip(snapshot.roster.ids, chain.from_iterable(snapshot.states), strict=True)
-        present = None if snapshot.present is None else snapshot.present.tolist()
-        self._states: dict[str, Array] = dict(rows if present is None else compress(rows, present))
 
     @property
     def motions(self) -> Array:
@@ -229,29 +232,16 @@ class StatesById(Mapping[str, Array]):
             self._rows = dict(zip(self.snapshot.roster.ids, self.motions, strict=True))
         return self._rows
 
-    def __getitem__(self, id: str) -> Array:
-        return self._states[id]
+    def __reduce__(self) -> Any:
+        """Return the states for another process."""
+        return _states_of, (self.snapshot,)
 
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._states)
+    __setitem__ = __delitem__ = __ior__ = _refuse
+    update = setdefault = pop = popitem = clear = _refuse
 
-    def __len__(self) -> int:
-        return len(self._states)
 
-    def __contains__(self, id: object) -> bool:
-        return id in self._states
-
-    def keys(self) -> KeysView[str]:
-        """The ids of all present agents, in the roster's order."""
-        return self._states.keys()
-
-    def values(self) -> ValuesView[Array]:
-        """The states of all present agents, in the same order."""
-        return self._states.values()
-
-    def items(self) -> ItemsView[str, Array]:
-        """The ids of all present agents with their states, in the same order."""
-        return self._states.items()
+def _states_of(snapshot: Snapshot) -> StatesById:
+    return snapshot.states_by_id
 
 
 def _stacked(parts: Sequence[Array]) -> Array:

@@ -1,7 +1,9 @@
 """The awareness database: the beliefs of one agent about others, looked up on demand."""
 
+import copy
+import operator
 import pickle
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -88,6 +90,53 @@ def test_perceptions_that_fill_dictionaries_with_the_same_rows_share_their_motio
     before = one.awareness_database["robot.1"].state
     execute(ready, 2)
     assert one.awareness_database["robot.1"].state is not before
+
+
+def test_the_states_of_the_world_by_id_are_a_dictionary_that_cannot_be_changed(ready: Simulation) -> None:
+    states = ready.environment.snapshot().states_by_id
+    own = dict(states)
+    assert list(own) == list(ready.environment.roster.ids)
+    assert all(own[id] is row for id, row in states.items())
+    for change in (
+        lambda: states.update(own),
+        lambda: states.clear(),
+        lambda: states.pop("robot.0"),
+        lambda: states.popitem(),
+        lambda: states.setdefault("robot.9", own["robot.0"]),
+        lambda: operator.setitem(states, "robot.0", own["robot.1"]),
+        lambda: operator.delitem(states, "robot.0"),
+        lambda: operator.ior(states, own),
+    ):
+        with pytest.raises(TypeError, match="change a copy"):
+            change()
+    assert dict(states) == own
+    for copied in (pickle.loads(pickle.dumps(states)), copy.deepcopy(states)):
+        assert type(copied) is StatesById
+        assert {id: row.tolist() for id, row in copied.items()} == {id: row.tolist() for id, row in own.items()}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda states: {**states, "robot.0": states["robot.1"], "robot.1": states["robot.0"]},
+        lambda states: {id: row for id, row in states.items() if id != "robot.2"},
+        lambda states: {id: row + 0.0 for id, row in states.items()},
+        lambda states: dict(reversed(states.items())),
+    ],
+    ids=["exchanged", "fewer", "copied", "in another order"],
+)
+def test_a_dictionary_of_rows_of_the_world_means_what_one_of_other_arrays_means(
+    ready: Simulation, change: Callable[[dict[str, Any]], dict[str, Any]]
+) -> None:
+    states = change(dict(ready.environment.snapshot().states_by_id))
+    one, other = (agent.awareness_database for agent in ready.groups[0].agents[:2])
+    one.set_states(states)
+    other.set_states({id: row.tolist() for id, row in states.items()})
+    for id in {*states} - {"robot.0", "robot.1"}:
+        assert np.array_equal(one[id].state, other[id].state, equal_nan=True)
+    assert one["robot.0"].state.tolist() == states["robot.0"].tolist()
+    assert one["robot.1"].state[:2].tolist() == states["robot.1"].tolist()
+    assert sorted(one) == sorted({*states, "robot.0"})
 
 
 def test_states_that_can_change_are_converted_each_time(ready: Simulation) -> None:
