@@ -32,6 +32,10 @@ _COMPONENTS = {
         "sense: {use: perception.omniscient}, risk: {use: risk.time-to-collision, with: {reach: 3.0, horizon: 3.0}},"
         " steer: {use: control.go-to-goal}"
     ),
+    "gaussian": (
+        "see: {use: perception.range, with: {range: 3.0, position_noise: 0.1, velocity_noise: 0.1}},"
+        " believe: {use: uncertainty.gaussian}, steer: {use: control.go-to-goal}"
+    ),
 }
 
 
@@ -67,7 +71,7 @@ def _field(case: str, agents: int, steps: int) -> str:
     """Return a scenario of agents with individual goals, with a density that does not depend on their number."""
     # One agent per 20 square metres: on average, about 1.4 others are within 3 m of an agent.
     side = math.sqrt(20.0 * agents)
-    rolls = case in ("risk", "dash", "stock-dash")
+    rolls = case in ("risk", "gaussian", "dash", "stock-dash")
     model = "unicycle" if rolls else "single-integrator"
     state = f"[{{uniform: [0, {side}]}}, {{uniform: [0, {side}]}}"
     state += ", {uniform: [-3.14, 3.14]}]" if rolls else "]"
@@ -95,16 +99,16 @@ agents:
 def main() -> None:
     """Run the case given on the command line."""
     parser = argparse.ArgumentParser()
-    parser.add_argument("case", choices=[*_COMPONENTS, "drones", "drones-mujoco", "numpy"])
+    parser.add_argument("case", choices=[*_COMPONENTS, "drones", "drones-mujoco", "numpy", "numpy-kept"])
     parser.add_argument("agents", type=int)
     parser.add_argument("steps", type=int)
     parser.add_argument("--record", action="store_true")
     parser.add_argument("--profile", action="store_true")
     arguments = parser.parse_args()
-    if arguments.case == "numpy":
+    if arguments.case.startswith("numpy"):
         from bare_numpy import run
 
-        cpu = run(arguments.agents, arguments.steps)
+        cpu = run(arguments.agents, arguments.steps, 1.0 if arguments.case == "numpy-kept" else 0.0)
         print(json.dumps({"cpu": cpu, "agent_steps": arguments.agents * arguments.steps}))
         return
     with tempfile.TemporaryDirectory() as folder:

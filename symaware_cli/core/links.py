@@ -7,6 +7,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.world import distinct
+
 Indices = NDArray[np.intp]
 
 
@@ -55,7 +57,7 @@ class Links:
         for ends in (one, other):
             _within(count, ends)
         keys = np.concatenate([one * count + other, other * count + one]) if both_ways else one * count + other
-        return cls.keyed(count, np.unique(keys))
+        return cls.keyed(count, distinct(keys))
 
     @classmethod
     def keyed(cls, count: int, keys: NDArray[np.int64]) -> Links:
@@ -70,6 +72,17 @@ class Links:
         if self._keys is None:
             self._keys = self.senders.astype(np.int64) * self.count + self.receivers
         return self._keys
+
+    def has(self, senders: Indices, receivers: Indices) -> NDArray[np.bool_]:
+        """Return which pairs of senders and receivers have a link; shape (m,)."""
+        if len(self) == self.count * (self.count - 1):
+            apart: NDArray[np.bool_] = senders != receivers
+            return apart
+        wanted, keys = np.asarray(senders, np.int64) * self.count + receivers, self.keys
+        if not len(keys):
+            return np.zeros(len(wanted), bool)
+        found: NDArray[np.bool_] = keys[np.minimum(keys.searchsorted(wanted), len(keys) - 1)] == wanted
+        return found
 
     def of_sender(self, sender: int) -> Indices:
         """The receivers that one agent reaches, ascending."""

@@ -2,6 +2,7 @@
 
 from .arrays import FARTHEST as FARTHEST
 from .arrays import MOST as MOST
+from .arrays import distinct as distinct
 from .arrays import frozen as frozen
 from .arrays import is_finite as is_finite
 from .arrays import is_within as is_within

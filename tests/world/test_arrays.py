@@ -7,13 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import ArrayLike
 from simulating import Team
 
 from symaware_cli import Agent, AwarenessVector, TimeSeries
 from symaware_cli.awareness.column import Column
 from symaware_cli.awareness.series_column import SeriesColumn
-from symaware_cli.world.arrays import real
+from symaware_cli.world.arrays import distinct, real
 
 STRANGE = {
     "complex": np.array([1.0, 1j]),
@@ -73,3 +75,8 @@ def test_real_numbers_of_any_kind_are_taken(way: str, value: ArrayLike) -> None:
     WAYS[way](value)
     assert real(value).dtype == np.float64
     assert real(value).tolist() == [1.0, 2.0]
+
+
+@given(st.lists(st.integers(-3, 3)))
+def test_distinct_numbers_are_those_of_a_set_ascending(numbers: list[int]) -> None:
+    assert distinct(np.array(numbers, np.int64)).tolist() == sorted({*numbers})

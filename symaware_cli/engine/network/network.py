@@ -209,13 +209,8 @@ class Network:
 
     def has(self, senders: Indices, receivers: Indices) -> NDArray[np.bool_]:
         """Return which pairs of senders and receivers have a link; shape (m,)."""
-        links = self.links
-        assert links is not None
-        if not len(links):
-            return np.zeros(len(senders), bool)
-        keys, wanted = links.keys, senders.astype(np.int64) * links.count + receivers
-        found: NDArray[np.bool_] = keys[np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)] == wanted
-        return found
+        assert self.links is not None
+        return self.links.has(senders, receivers)
 
     def enter(self, states: LinkStates, new: slice) -> None:
         """Set the channels of links that are used for the first time."""

@@ -28,16 +28,10 @@ def message_sizes(batch: MessageBatch) -> NDArray[np.int64]:
 
 
 def _sizes(values: Sequence[Any]) -> list[int]:
-    """Return the sizes of values, computing repeated values once."""
-    known: dict[object, int] = {}
-    sizes = []
-    for value in values:
-        key = value if type(value) is str else id(value)
-        size = known.get(key)
-        if size is None:
-            size = known[key] = _size(value)
-        sizes.append(size)
-    return sizes
+    """Return the sizes of values, computing that of an object that is in several rows once."""
+    keys = list(map(id, values))
+    known = {key: _size(value) for key, value in dict(zip(keys, values, strict=True)).items()}
+    return list(map(known.__getitem__, keys))
 
 
 def _size(value: Any) -> int:

@@ -396,3 +396,17 @@ def test_the_draws_of_a_link_do_not_depend_on_other_agents() -> None:
     few, more = lost(3, [0, 1]), lost(5, [0, 1, 4])
     assert few == {each for each in more if each[0] < 2 and each[1] < 3}
     assert few
+
+
+@given(st.lists(st.lists(st.tuples(st.integers(0, 5), st.integers(0, 5)), min_size=1), max_size=12))
+def test_a_link_keeps_the_row_of_its_first_message(steps: list[list[tuple[int, int]]]) -> None:
+    states = LinkStates(1, [f"robot.{number}" for number in range(6)])
+    known: dict[tuple[int, int], int] = {}
+    for links in steps:
+        rows, begun = states.rows(np.array([one for one, _ in links]), np.array([other for _, other in links]))
+        new = sorted({*links} - {*known})
+        assert (begun is None) == (not new)
+        known |= {link: len(known) + place for place, link in enumerate(new)}
+        assert rows.tolist() == [known[link] for link in links]
+        if begun is not None:
+            assert [*zip(*(each.tolist() for each in states.ends(begun)), strict=True)] == new

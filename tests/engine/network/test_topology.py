@@ -193,6 +193,24 @@ def test_a_random_graph_that_is_to_be_connected_is_so() -> None:
         assert len(np.unique(links.parts())) == 1
 
 
+@given(st.integers(1, 5), st.data())
+def test_a_pair_has_a_link_if_it_is_one_of_those_given_and_not_an_agent_with_itself(count: int, data: Any) -> None:
+    agents = st.integers(0, count - 1)
+    given = data.draw(st.lists(st.tuples(agents, agents)) | st.just(pairs_of(count)))
+    links = Links.of(count, np.array([one for one, _ in given], int), np.array([other for _, other in given], int))
+    assert [*zip(links.senders.tolist(), links.receivers.tolist(), strict=True)] == sorted(
+        {pair for pair in given if pair[0] != pair[1]}
+    )
+    every = pairs_of(count)
+    found = links.has(np.array([one for one, _ in every]), np.array([other for _, other in every]))
+    assert found.tolist() == [pair in given and pair[0] != pair[1] for pair in every]
+
+
+def pairs_of(count: int) -> list[tuple[int, int]]:
+    """All pairs of agents, and each with itself."""
+    return [(one, other) for one in range(count) for other in range(count)]
+
+
 @pytest.mark.parametrize("ends", [(0, 7), (7, 0), (0, -1), (5, 5)])
 def test_a_link_ends_at_somebody(ends: tuple[int, int]) -> None:
     one, other = (np.array([1, each]) for each in ends)

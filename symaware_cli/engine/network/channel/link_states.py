@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.core.message import Indices, Times
 from symaware_cli.engine.network.disturbance import Disturbance
-from symaware_cli.world import Array, Numbers, agent_numbers, combined, key_of
+from symaware_cli.world import Array, Numbers, agent_numbers, combined, distinct, key_of
 
 #: Later than the end of any run, and small enough that sums of two do not overflow, in nanoseconds.
 FOREVER = 3 * 10**18
@@ -114,6 +114,48 @@ def _remaining(now: int, begin: Times, end: Times) -> Array:
     return np.where(now >= end, 0.0, np.minimum((end - now) / length, 1.0))
 
 
+class _Index:
+    """Finds the rows of numbers that are added by and by.
+
+    Those added last are in a small table, so that an addition does not move all others in the large one.
+    """
+
+    def __init__(self) -> None:
+        """Start without numbers."""
+        self._tables = [(np.empty(0, np.int64), np.empty(0, np.intp))] * 2
+
+    def find(self, numbers: NDArray[np.int64]) -> Indices:
+        """Return the row of each number, -1 if it was not added; shape (m,)."""
+        rows = np.full(len(numbers), -1, np.intp)
+        for known, places in self._tables:
+            if len(known):
+                found = np.minimum(known.searchsorted(numbers), len(known) - 1)
+                there = known[found] == numbers
+                rows[there] = places[found[there]]
+        return rows
+
+    def add(self, numbers: NDArray[np.int64], rows: slice) -> None:
+        """Add numbers that are not there yet, ascending, with consecutive rows."""
+        large, small = self._tables
+        small = _joined(small, (numbers, np.arange(rows.start, rows.stop)))
+        if 16 * len(small[0]) > len(large[0]):
+            large, small = _joined(large, small), (small[0][:0], small[1][:0])
+        self._tables = [large, small]
+
+
+def _joined(
+    one: tuple[NDArray[np.int64], Indices], other: tuple[NDArray[np.int64], Indices]
+) -> tuple[NDArray[np.int64], Indices]:
+    """Join two tables of ascending numbers with their rows."""
+    places = one[0].searchsorted(other[0]) + np.arange(len(other[0]))
+    old = np.ones(len(one[0]) + len(places), bool)
+    old[places] = False
+    numbers, rows = np.empty(len(old), np.int64), np.empty(len(old), np.intp)
+    numbers[places], rows[places] = other
+    numbers[old], rows[old] = one
+    return numbers, rows
+
+
 class LinkStates:
     """The states of links, with a row for each link from its first use on.
 
@@ -144,9 +186,8 @@ class LinkStates:
         #: Disturbances because of which messages draw from other keys.
         self._redrawn: list[Disturbance] = []
         self._key = 0
-        #: sender * count + receiver of each known link, ascending, and the row of each.
-        self._known = np.empty(0, np.int64)
-        self._rows = np.empty(0, np.intp)
+        #: The rows by sender * count + receiver.
+        self._index = _Index()
         #: The number of rows in use, and the link of each.
         self._used = 0
         self._links = np.zeros(0, np.int64)
@@ -184,19 +225,17 @@ class LinkStates:
             The rows, shape (m,), and which rows are new, if any.
         """
         wanted = senders.astype(np.int64) * self._count + receivers
-        indices = np.searchsorted(self._known, wanted)
-        inside = indices < len(self._known)
-        known = np.zeros(len(wanted), bool)
-        known[inside] = self._known[indices[inside]] == wanted[inside]
-        if known.all():
-            return self._rows[indices], None
-        new = np.unique(wanted[~known])
+        rows = self._index.find(wanted)
+        unknown = rows < 0
+        if not unknown.any():
+            return rows, None
+        absent = wanted[unknown]
+        new = distinct(absent)
         begun = slice(self._used, self._used + len(new))
-        where = np.searchsorted(self._known, new)
-        self._known = np.insert(self._known, where, new)
-        self._rows = np.insert(self._rows, where, np.arange(begun.start, begun.stop))
+        rows[unknown] = begun.start + new.searchsorted(absent)
+        self._index.add(new, begun)
         self._enter(begun, new)
-        return self._rows[np.searchsorted(self._known, wanted)], begun
+        return rows, begun
 
     def _enter(self, rows: slice, links: NDArray[np.int64]) -> None:
         """Initialise the rows of new links; arrays grow to twice the number in use, since links may come singly."""
