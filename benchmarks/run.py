@@ -30,16 +30,6 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 
-#: The sections of the results that this program does not write.
-KEPT = (
-    "Worlds of IR-SIM",
-    "Robots from files",
-    "Bags of ROS 2",
-    "Worlds of BARN",
-    "Twenty minutes in a warehouse",
-    "Captured states",
-    "What awareness is worth",
-)
 PEERS = HERE / ".peers"
 
 
@@ -338,10 +328,11 @@ def measure_learning(rounds: int) -> str:
     return "\n".join(["## Learning", "", about, "", printed])
 
 
-def kept(before: str) -> str:
-    """Return the sections of earlier results that other programs measured, for hours or on data that are not here."""
+def kept(before: str, text: str) -> str:
+    """Return the sections of earlier results that the new ones do not have, such as those of other programs."""
+    written = {section.partition("\n")[0] for section in text.split("\n## ")[1:]}
     sections = before.split("\n## ")[1:]
-    return "".join(f"\n## {each.rstrip()}\n" for each in sections if each.startswith(KEPT))
+    return "".join(f"\n## {each.rstrip()}\n" for each in sections if each.partition("\n")[0] not in written)
 
 
 def experiments() -> str:
@@ -427,7 +418,7 @@ def main() -> None:
     if not arguments.no_write:
         results = HERE / "RESULTS.md"
         before = results.read_text(encoding="utf-8") if results.is_file() else ""
-        results.write_text(text + kept(before), encoding="utf-8")
+        results.write_text(text + kept(before, text), encoding="utf-8")
 
 
 def _processor() -> str:
