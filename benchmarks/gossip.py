@@ -50,7 +50,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         path, log = Path(folder) / "benchmark.yaml", Path(folder) / "benchmark.mcap"
         # A short run first, so that imports and caches are not counted.
-        path.write_text(scenario(10, 10, arguments.channel))
+        path.write_text(scenario(200, 10, arguments.channel))
         execute(build(path), Path(folder) / "warm.mcap")
         path.write_text(scenario(arguments.agents - 1, arguments.steps, arguments.channel))
         built = build(path)
