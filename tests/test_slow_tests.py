@@ -9,8 +9,10 @@ import pytest
 from checkout import CHECKOUT
 
 #: Groups of entry points whose names users write; every `symaware.searches` is a parameter of tests of all of them.
-NAMED = ("abstractions", "commands", "components", "environments", "executors", "exports", "faults", "metrics")
-NAMED += ("models", "sections", "topologies", "transports")
+NAMED = (
+    *("abstractions", "commands", "components", "environments", "executors", "exports", "faults", "metrics", "models"),
+    *("sections", "topologies", "transports"),
+)
 
 
 def without_slow_tests(text: str) -> str:
