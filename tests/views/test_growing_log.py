@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 from mcap.writer import Writer
 from plot_logs import YARD, log_of
+from simulating import untyped
 
 from symaware_cli.log import Log, LogError, open_log
 from symaware_cli.views import following
@@ -89,7 +90,7 @@ def test_a_damaged_log_and_one_by_another_program_are_reported(log: Log, tmp_pat
 def foreign(profile: bytes) -> bytes:
     """A log by another program, with a profile of its own."""
     output = BytesIO()
-    writer = Writer(output)
+    writer = untyped(Writer(output))
     writer.start(profile.decode(), "other")
     writer.finish()
     return output.getvalue()

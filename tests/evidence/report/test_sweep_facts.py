@@ -65,7 +65,7 @@ def test_each_specification_has_its_share_with_an_interval(subject: ReportSubjec
     assert isinstance(table, DataTable)
     (row,) = table.rows
     assert row[:4] == ("as it is", "apart", "8 of 8", "1")
-    assert " to 1 (" in row[4]
+    assert " to 1 (" in str(row[4])
 
 
 def test_the_certificate_is_shown_as_found_or_its_fault(subject: ReportSubject, tmp_path: Path) -> None:
