@@ -1,6 +1,7 @@
 """The help of the command, which is written without Typer: in frames on a terminal, in whole lines in a pipe."""
 
 import re
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -60,6 +61,19 @@ def test_each_line_of_a_frame_is_as_wide_as_the_terminal(columns: int, monkeypat
     assert max(map(len, lines)) == columns
     titles = [line.split("─ ")[1].split(" ─")[0] for line in framed if line.startswith("╭")]
     assert titles == ["Options", *GROUPS.values()]
+
+
+def test_the_help_on_a_terminal_has_the_groups_of_plugins(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    module = "from symaware_cli import in_help\n\n\n@in_help('weather')\ndef rain() -> None:\n    'Fall.'\n"
+    (tmp_path / "rainy.py").write_text(module + "\n\ndef plain() -> None:\n    'Be in no group.'\n")
+    information = tmp_path / "rainy-1.0.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: rainy\nVersion: 1.0\n")
+    (information / "entry_points.txt").write_text("[symaware.commands]\nrain = rainy:rain\nplain = rainy:plain\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    lines = [_COLOUR.sub("", line) for line in on_terminal(monkeypatch, 100).splitlines()]
+    titles = [line.split("─ ")[1].split(" ─")[0] for line in lines if line.startswith("╭")]
+    assert titles == ["Options", *GROUPS.values(), "weather", "Other commands"]
 
 
 def test_a_wide_terminal_gets_lines_that_can_be_read(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,16 +1,19 @@
 """Bounds of the probability that a formula fails are never below it, whatever depends on what."""
 
 import numpy as np
-import pytest
 from formulas import PREDICATES, random_formula
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from symaware_cli.specification.monitor import Monitor
 from symaware_cli.specification.probability import TruthBounds, truth_bounds
 
 SAMPLES = 60
+SEEDS = st.integers(0, 2**32 - 1)
 
 
-@pytest.mark.parametrize("seed", range(200))
+@settings(max_examples=200)
+@given(seed=SEEDS)
 def test_a_bound_is_never_below_the_share_of_samples_that_fail(seed: int) -> None:
     """The samples themselves are the distribution, with any dependence between their predicates and instants."""
     generator = np.random.default_rng(seed)
@@ -31,7 +34,8 @@ def test_a_bound_is_never_below_the_share_of_samples_that_fail(seed: int) -> Non
     assert ((bounds.fails >= 0) & (bounds.fails <= 1) & (bounds.holds >= 0) & (bounds.holds <= 1)).all()
 
 
-@pytest.mark.parametrize("seed", range(200))
+@settings(max_examples=200)
+@given(seed=SEEDS)
 def test_without_chance_a_bound_is_the_verdict(seed: int) -> None:
     generator = np.random.default_rng(seed)
     formula = random_formula(generator, 2, constants=False)

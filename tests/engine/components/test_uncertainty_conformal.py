@@ -9,10 +9,12 @@ import pytest
 import yaml
 from conformal_scenarios import errors_of, pairs, watchers, write_table
 from scipy.stats import beta, binom
+from simulating import untyped
 
 from symaware_cli import open_log, sweep
-from symaware_cli.core import Event
+from symaware_cli.core import Event, EventBus
 from symaware_cli.engine.components.calibration import Calibration, ErrorTable, quantile_rank
+from symaware_cli.engine.components.uncertainty_conformal import PredictionError
 from symaware_cli.language.build import build
 from symaware_cli.language.execution import execute
 from symaware_cli.language.files import open_scenario
@@ -109,6 +111,33 @@ def test_a_shift_is_flagged_and_its_absence_seldom(calibrated: Path) -> None:
         execute(built, None)
         assert len(set(flagged)) == len(flagged)
         assert low <= len(flagged) / 300 <= high
+
+
+@pytest.mark.parametrize(("greatest", "count"), [(1e-6, 4), (1e6, 0)])
+def test_errors_beyond_those_of_all_calibrating_runs_are_flagged_once(
+    greatest: float, count: int, tmp_path: Path
+) -> None:
+    random = np.random.Generator(np.random.PCG64(5))
+    write_table(tmp_path / "table.parquet", greatest * random.uniform(0.9, 1.0, (60, 4)))
+    (tmp_path / "run.yaml").write_text(yaml.safe_dump(pairs(4, false_alarm=0.05, **CALIBRATION), sort_keys=False))
+    built = build(tmp_path / "run.yaml")
+    flagged: list[str] = []
+    built.simulation.events.subscribe("calibration-shifted", partial(_note, flagged))
+    assert execute(built, None).status == "finished"
+    assert len(flagged) == len(set(flagged)) == count
+
+
+def test_the_metric_is_the_greatest_error_of_all_agents_for_each_look_ahead(tmp_path: Path) -> None:
+    group = watchers(tmp_path, pairs(3))
+    metric = PredictionError(PredictionError.Parameters())
+    metric.attach(untyped(None), [group], EventBus())
+    expected = zip([0.25, 0.5, 0.75, 1.0], errors_of(group).max(axis=0).tolist(), strict=True)
+    assert metric.value() == list(expected)
+    for groups, said in (([], "no `uncertainty"), ([group, group], "name the `group`")):
+        with pytest.raises(ValueError, match=said):
+            metric.attach(untyped(None), groups, EventBus())
+    with pytest.raises(ValueError, match="the agents of `mover` have no"):
+        PredictionError(PredictionError.Parameters(group="mover")).attach(untyped(None), [group], EventBus())
 
 
 def test_a_sweep_calibrates_a_scenario_whose_log_repeats_without_the_table(tmp_path: Path) -> None:

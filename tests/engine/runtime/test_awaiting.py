@@ -272,6 +272,19 @@ def plain(tree: tuple[str, Any], value: Any) -> Any:
 @settings(max_examples=150, deadline=None)
 @given(tree=TREES, plan=PLANS)
 def test_any_tree_comes_when_and_as_its_parts_do(tree: tuple[str, Any], plan: list[int | None]) -> None:
+    check_tree(tree, plan)
+
+
+@pytest.mark.parametrize("plan", [[1, 3, None, 2], [4, None, 2, None]])
+@pytest.mark.parametrize("kinds", [("all", "any"), ("any", "all")])
+def test_waits_within_waits_come_when_and_as_their_parts_do(kinds: tuple[str, str], plan: list[int | None]) -> None:
+    outer, inner = kinds
+    parts = [("event", 0), ("mail", None)], [("event", 1), ("event", 2), ("sleep", 3)]
+    check_tree((outer, [(inner, part) for part in parts]), plan)
+
+
+def check_tree(tree: tuple[str, Any], plan: list[int | None]) -> None:
+    """Check when a tree of waits is over, and what it returns, if events and a message come as planned."""
     said = [(10 * time, what) for time, what in zip(plan, ["e0", "e1", "e2", "b"], strict=True) if time is not None]
     came, left, _ = made(lambda me: awaited(me, tree), said, steps=5)
     time, value = modelled(tree, plan)

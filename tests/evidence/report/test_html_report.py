@@ -1,5 +1,7 @@
 """A report is one self-contained page that agrees with the log and shows the run in a browser."""
 
+import base64
+import gzip
 import json
 import re
 import shutil
@@ -15,13 +17,16 @@ import pytest
 import yaml
 from browser import Browser
 from matplotlib.image import imread
-from rerun_files import needs_browser, pixels
+from rerun_files import Recording, needs_browser, pixels
 from typer.testing import CliRunner
 
 import symaware_cli as sa
 from symaware_cli.cli.application import application
 from symaware_cli.evidence import write_report
+from symaware_cli.evidence.report.report_section import ReportSubject
+from symaware_cli.evidence.report.sections.run_sections import ReplayFrameSection
 from symaware_cli.log import OutputError
+from symaware_cli.views import ReplayFrame, embedded_viewer
 from symaware_cli.views.palette import BACKGROUND
 
 #: Two robots that pass each other.
@@ -156,6 +161,25 @@ def test_a_printed_report_includes_content_that_is_folded_on_screen(log: Path, t
     said = json.loads(result.stdout)
     assert said["pdf_size"] == (tmp_path / "tiny.pdf").stat().st_size > 10_000
     assert "beforeprint" in (tmp_path / "tiny.html").read_text()
+
+
+def test_the_viewer_is_in_the_report_with_a_recording_if_it_is_asked_for(
+    log: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # What the installed viewer serves takes seconds to compress.
+    monkeypatch.setattr(embedded_viewer, "_viewer_files", lambda: ("let text = '</script>';", b"module"))
+    section, run = ReplayFrameSection(), sa.open_log(log)
+    assert not section.applies(ReportSubject(log, log=run, run=run))
+    subject = ReportSubject(log, log=run, run=run, has_viewer=True)
+    assert section.applies(subject)
+    (frame,) = section.content(subject)
+    assert isinstance(frame, ReplayFrame)
+    assert frame.viewer.script == "let text = '<\\/script>';"
+    files = {name: gzip.decompress(base64.b64decode(text)) for name, text in frame.viewer.files.items()}
+    assert files["module"] == b"module"
+    recording = log.with_suffix(".rrd")
+    recording.write_bytes(files["recording"])
+    assert "/world/agents/robot/body" in Recording(recording).entities
 
 
 @pytest.mark.slow
