@@ -259,15 +259,15 @@ def _loaded(name: str) -> list[str]:
 
     paths = []
 
-    @ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p)
     def look(library: int, size: int, data: int | None) -> int:
         # A `dl_phdr_info` begins with an address and the path.
         path = ctypes.c_char_p.from_address(library + ctypes.sizeof(ctypes.c_void_p)).value
         paths.append(os.fsdecode(path or b""))
         return 0
 
+    callback = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p)(look)
     try:
-        ctypes.CDLL(None).dl_iterate_phdr(look, None)
+        ctypes.CDLL(None).dl_iterate_phdr(callback, None)
     except (AttributeError, OSError, TypeError):  # another operating system
         return []
     return sorted(os.path.realpath(path) for path in paths if name in os.path.basename(path) and ".so" in path)
