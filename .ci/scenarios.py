@@ -23,6 +23,8 @@ import tempfile
 import zlib
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
+from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -47,11 +49,20 @@ BEGINNING = 2.0
 FIRST = 40
 
 BEGIN = """
-import sys, symaware_cli
-with symaware_cli.load(sys.argv[1]).start(output=sys.argv[3]) as simulation:
-    simulation.step(int(sys.argv[2]))
+import json, os, sys, symaware_cli
+answers = os.fdopen(os.dup(1), "w")
+os.dup2(2, 1)  # what scenarios print is no answer
+for line in sys.stdin:
+    scenario, steps, log = json.loads(line)
+    try:
+        with symaware_cli.load(scenario).start(output=log) as simulation:
+            simulation.step(steps)
+        failure = None
+    except Exception as error:
+        failure = f"{type(error).__name__}: {error}"
+    print(json.dumps(failure), file=answers, flush=True)
 """
-"""Runs a number of steps of a scenario with a log."""
+"""Runs, for each line of its input, a number of steps of a scenario with a log; answers with the failure, or null."""
 
 VIOLATED = (
     *("learned.yaml", "lost-drone.yaml", "lost-link.yaml", "mist.yaml", "published.yaml", "random-walk.yaml"),
@@ -121,7 +132,7 @@ def tried(scenario: Path, quick: bool, interpreters: Sequence[str], keep: Path |
         beginning = min(steps, max(FIRST, round(BEGINNING / outline.time_step)))
         for number, interpreter in enumerate(others):
             part = Path(folder) / f"beginning-{number}.mcap"
-            started([interpreter, "-P", "-c", BEGIN, scenario, beginning, part], {"PYTHONHASHSEED": "3"})
+            begun(interpreter, scenario, beginning, part)
             if differing := differing_beginning(here, part):
                 raise FailedError(f"its first {beginning} steps differ with {interpreter} in {', '.join(differing)}")
             said += f", {beginning} steps with one more"
@@ -166,8 +177,8 @@ def differing_beginning(whole: Path, part: Path) -> list[str]:
     end = max(message.time for message in logs[1].messages())
     told: list[dict[str, list[tuple[int, int, bytes]]]] = [{}, {}]
     for log, found in zip(logs, told, strict=True):
-        for message in log.messages():
-            if message.time < end and message.channel.topic != TIMING:
+        for message in log.messages(end=end):
+            if message.channel.topic != TIMING:
                 kept = (message.time, message.sequence, message.data)
                 found.setdefault(message.channel.topic, []).append(kept)
     one, other = ({name: log.attachments[name] for name in (MANIFEST, "resolved.yaml")} for log in logs)
@@ -196,12 +207,47 @@ def symaware(*arguments: object, variables: dict[str, str], interpreter: str) ->
     return started([interpreter, "-P", "-m", "symaware_cli", *arguments], variables)
 
 
+@cache
+def beginner(interpreter: str) -> subprocess.Popen[str]:
+    """Start an interpreter with `BEGIN`; it ends with this process.
+
+    One for all scenarios, since to start it takes as long as many a beginning. That earlier runs in the same process
+    change nothing is promised, too.
+    """
+    return subprocess.Popen(
+        [interpreter, "-P", "-c", BEGIN],
+        env=clean() | {"PYTHONHASHSEED": "3"},
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+
+
+def begun(interpreter: str, scenario: Path, steps: int, log: Path) -> None:
+    """Run a number of steps of a scenario with another interpreter."""
+    process = beginner(interpreter)
+    assert process.stdin is not None
+    assert process.stdout is not None
+    with suppress(BrokenPipeError):  # as if it had ended without an answer
+        print(json.dumps([str(scenario), steps, str(log)]), file=process.stdin, flush=True)
+    answer = process.stdout.readline()
+    if not answer:
+        beginner.cache_clear()
+        raise FailedError(f"{interpreter} ended with {process.wait()} in its first {steps} steps")
+    if failure := json.loads(answer):
+        raise FailedError(f"its first {steps} steps failed with {interpreter}: {failure}")
+
+
+def clean() -> dict[str, str]:
+    """The environment with no kernels chosen."""
+    return {name: value for name, value in os.environ.items() if name not in processor.VARIABLES}
+
+
 def started(line: Sequence[object], variables: dict[str, str]) -> str:
     """Run a command with no kernels chosen but those given, and return what it printed."""
-    clean = {name: value for name, value in os.environ.items() if name not in processor.VARIABLES}
     words = list(map(str, line))
     done = subprocess.run(
-        words, env=clean | variables, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
+        words, env=clean() | variables, stdin=subprocess.DEVNULL, capture_output=True, text=True, check=False
     )
     # A run in which a specification is violated has come to its end as well.
     violated = done.returncode == 3 and any(Path(each).name in VIOLATED for each in words)

@@ -1,6 +1,6 @@
 """Checks captured states of shipped scenarios at random instants: continuations must equal the uninterrupted run.
 
-    python benchmarks/capture.py [--pairs 50] [--seed 1] [--further 10] [--table benchmarks/RESULTS.md]
+    python benchmarks/capture.py [--pairs 50] [--seed 1] [--steps 120] [--further 10] [--table benchmarks/RESULTS.md]
 
 Scenarios are processed in random order, which, like the instants, is drawn with the seed. The messages of the log after
 the instant, including sequence numbers, must be equal: in a run that continued, was restored and continued again, and
@@ -27,9 +27,6 @@ from symaware_cli.language.build import build
 from symaware_cli.log import Recorder
 
 ROOT = Path(__file__).parents[1]
-
-#: Instants are drawn from at most this number of first steps of a scenario.
-MOST_STEPS = 120
 
 BEGIN, END = "<!-- begin: benchmarks/capture.py -->\n", "<!-- end -->\n"
 
@@ -141,6 +138,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pairs", type=int, default=50)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--steps", type=int, default=120, help="instants are among so many first steps of a scenario")
     parser.add_argument("--further", type=int, default=10)
     parser.add_argument("--table", type=Path)
     parser.add_argument("--fresh", type=Path, metavar="FOLDER", help=argparse.SUPPRESS)
@@ -153,8 +151,8 @@ def main() -> None:
     steps: dict[Path, int] = {}
     for path in islice(cycle(scenarios(draw)), asked.pairs):
         if path not in steps:
-            steps[path] = steps_made(path, MOST_STEPS + asked.further + 1)
-        instants = range(1, min(MOST_STEPS, steps[path] - asked.further - 1) + 1)
+            steps[path] = steps_made(path, asked.steps + asked.further + 1)
+        instants = range(1, min(asked.steps, steps[path] - asked.further - 1) + 1)
         drawn[path].add(draw.choice([each for each in instants if each not in drawn[path]]))
     head = ["| scenario | step | messages after it, in the process | in a fresh one | bytes |", "|---|---|---|---|---|"]
     table = "\n".join([*head, *lines(drawn, asked.further)]) + "\n"

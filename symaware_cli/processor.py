@@ -147,13 +147,13 @@ def level() -> str | None:
 
 def in_force() -> dict[str, str]:
     """The factors in numerical results, by name: processor, NumPy's kernels, BLAS, C library, and whether pinned."""
-    kernels = numpy_kernels()
+    kernels, short = numpy_kernels(), shortfall()
     return {
         "Processor": " ".join(filter(None, (_info().get("model name"), level() and f"({level()})"))) or "unknown",
         "NumPy kernels": "unknown" if kernels is None else " ".join(kernels) or "baseline",
         "BLAS": " and ".join(sorted({str(each) for each in blas()})) or "unknown",
         "C library": _c_library(),
-        "Pinned": f"no: {shortfall()}" if shortfall() else "yes" if _promised() else "no: not of level x86-64-v3",
+        "Pinned": f"no: {short}" if short else "yes" if _promised() else "no: not of level x86-64-v3",
     }
 
 
@@ -251,13 +251,26 @@ def _opened(path: str) -> Blas:
 
 
 def _loaded(name: str) -> list[str]:
-    """The paths of the loaded libraries whose file names contain a name, as listed by Linux."""
+    """The paths of the loaded libraries whose file names contain a name, as listed by the dynamic loader of Linux.
+
+    /proc/self/maps lists them as well, together with each range of memory: it takes milliseconds to read.
+    """
+    import ctypes
+
+    paths = []
+
+    def look(library: int, size: int, data: int | None) -> int:
+        # A `dl_phdr_info` begins with an address and the path.
+        path = ctypes.c_char_p.from_address(library + ctypes.sizeof(ctypes.c_void_p)).value
+        paths.append(os.fsdecode(path or b""))
+        return 0
+
+    callback = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_size_t, ctypes.c_void_p)(look)
     try:
-        with open("/proc/self/maps") as maps:
-            paths = {line.rstrip("\n").partition("/")[2] for line in maps if name in line}
-    except OSError:
+        ctypes.CDLL(None).dl_iterate_phdr(callback, None)
+    except (AttributeError, OSError, TypeError):  # another operating system
         return []
-    return sorted(f"/{path}" for path in paths if name in path.rpartition("/")[2] and ".so" in path)
+    return sorted(os.path.realpath(path) for path in paths if name in os.path.basename(path) and ".so" in path)
 
 
 def _c_library() -> str:

@@ -144,12 +144,12 @@ class Share:
         if not 1 <= self._number <= self._count:
             raise pytest.UsageError(f"--share {text}: the first number is from 1 to the second")
 
-    def pytest_collection_modifyitems(self, config: pytest.Config, items: list[pytest.Item]) -> None:
-        files = {item.nodeid.partition("::")[0] for item in items}
-        mine = {each for each in files if zlib.crc32(each.encode()) % self._count == self._number - 1}
-        left = [item for item in items if item.nodeid.partition("::")[0] not in mine]
-        config.hook.pytest_deselected(items=left)
-        items[:] = [item for item in items if item.nodeid.partition("::")[0] in mine]
+    def pytest_ignore_collect(self, collection_path: Path, config: pytest.Config) -> bool | None:
+        """Leave out a file before it is imported."""
+        if not collection_path.match("test_*.py"):
+            return None
+        name = collection_path.relative_to(config.rootpath).as_posix()
+        return zlib.crc32(name.encode()) % self._count != self._number - 1 or None
 
 
 def add_options(parser: pytest.Parser) -> None:

@@ -38,11 +38,21 @@ def test_no_window_of_a_formula_needs_much_memory(tmp_path: Path, monkeypatch: p
 @pytest.mark.slow
 def test_no_number_of_the_language_needs_much_memory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Each field has the largest number that it accepts: where that needs little memory, a smaller one does, too."""
+    least, middle, most = sorted(SIZES)
     by_size = {size: list(fields(size)) for size in SIZES}
     assert len(set(map(len, by_size.values()))) == 1
-    left = list(range(len(by_size[SIZES[0]])))
-    for size in sorted(SIZES, reverse=True):
-        found = accepted([by_size[size][place] for place in left], tmp_path, monkeypatch)
-        assert any(found)
-        left = [place for place, is_accepted in zip(left, found, strict=True) if not is_accepted]
-    assert len(by_size[SIZES[0]]) - len(left) > 300
+
+    def split(size: int, places: Sequence[int]) -> tuple[list[int], list[int]]:
+        """The places where a number of that size is accepted, and those where it is refused."""
+        found = accepted([by_size[size][place] for place in places], tmp_path, monkeypatch)
+        chosen = [place for place, is_accepted in zip(places, found, strict=True) if is_accepted]
+        return chosen, [place for place in places if place not in set(chosen)]
+
+    large, others = split(most, range(len(by_size[most])))
+    # Most are refused whatever the number is: only those that accept the least have to be asked about the middle.
+    small, _ = split(least, others)
+    medium, _ = split(middle, small)
+    assert large
+    assert medium
+    assert small
+    assert len(large) + len(small) > 300

@@ -12,7 +12,10 @@ SCRIPT = Path(__file__).parents[1] / "benchmarks" / "capture.py"
 @pytest.mark.slow
 def test_runs_from_twenty_random_instants_are_equal_unless_the_engine_is_refused() -> None:
     told = subprocess.run(
-        [sys.executable, SCRIPT, "--seed", "2", "--pairs", "20"], check=True, capture_output=True, text=True
+        [sys.executable, SCRIPT, "--seed", "2", "--pairs", "20", "--steps", "40"],
+        check=True,
+        capture_output=True,
+        text=True,
     ).stdout
     rows = [line for line in told.splitlines() if "scenarios/" in line]
     assert len(rows) == 20

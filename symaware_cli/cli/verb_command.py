@@ -6,6 +6,7 @@ Reasons: docs/decisions/0055-doors-for-verbs.md
 from __future__ import annotations
 
 import inspect
+from functools import cache
 from typing import Any
 
 import typer
@@ -38,20 +39,27 @@ def command_of(name: str, listing: Listing) -> Any:
         PluginError: It cannot be imported, or is not a function whose annotations Typer knows.
     """
     loaded = listing.load()
-    group = typer.Typer(add_completion=False, rich_markup_mode=None if is_plain() else "rich")
-    # With a callback, it is a group of one command, even if that is a group, too.
-    group.callback()(lambda: None)
-    if isinstance(loaded, typer.Typer):
-        group.add_typer(loaded, name=name)
-    elif inspect.isroutine(loaded):
-        package = None if listing.built_in else f"Of {listing.package} {listing.version}."
-        group.command(name, epilog=package)(loaded)
-    else:
+    if not isinstance(loaded, typer.Typer) and not inspect.isroutine(loaded):
         raise PluginError("broken-plugin", f"{listing.origin} is not a function or a Typer application")
     try:
-        commands: Any = get_command(group)
-        return commands.commands[name]
+        return _converted(
+            name, loaded, None if listing.built_in else f"Of {listing.package} {listing.version}.", is_plain()
+        )
     except Exception as error:
         from symaware_cli.engine import describe
 
         raise PluginError("broken-plugin", f"{listing.origin} has a faulty signature: {describe(error)}") from error
+
+
+@cache  # a program that calls the command line again and again would spend a quarter of a short verb's time here
+def _converted(name: str, loaded: Any, package: str | None, plain: bool) -> Any:
+    """Convert the function or the Typer application of a verb to a command."""
+    group = typer.Typer(add_completion=False, rich_markup_mode=None if plain else "rich")
+    # With a callback, it is a group of one command, even if that is a group, too.
+    group.callback()(lambda: None)
+    if isinstance(loaded, typer.Typer):
+        group.add_typer(loaded, name=name)
+    else:
+        group.command(name, epilog=package)(loaded)
+    commands: Any = get_command(group)
+    return commands.commands[name]

@@ -3,6 +3,7 @@
 import os
 import stat
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path as FilePath
 
 from symaware_cli.language.problem import ScenarioError, quoted
@@ -34,8 +35,19 @@ def read(path: FilePath, name: str) -> Source:
     source = read_text(path, name, "a scenario file", SUFFIXES)
     if source.problems:
         return source
+    parsed = _parsed(source.name, source.raw, path.suffix.lower() == ".toml")
+    source.problems += parsed.problems
+    source.root = parsed.root
+    return source
+
+
+# The runs of a sweep or a search read the same few files again and again, with other values for `--set`.
+@lru_cache(maxsize=8)
+def _parsed(name: str, raw: bytes, is_toml: bool) -> Source:
+    """Parse the text of a scenario file; the result is shared, and its tree immutable."""
+    source = decode(name, raw)
     # Imported here, so that reading one format does not import the parser of the other.
-    if path.suffix.lower() == ".toml":
+    if is_toml:
         from symaware_cli.language.toml_source import parse_toml as parse
     else:
         from symaware_cli.language.yaml_source import parse_yaml as parse

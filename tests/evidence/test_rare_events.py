@@ -35,9 +35,12 @@ def plain(found: sa.RareEventEstimate) -> Any:
     return found.probability, [(each.counts, each.estimate, each.steps) for each in found.repeats]
 
 
-def small(**changes: Any) -> sa.RareEventEstimate:
-    """An estimate from few trials."""
-    return sa.estimate(WALK, "far", LEVELS, event="satisfied", trials=20, repeats=3, changes=changes or None)
+#: An estimate from few trials of short runs, of which all repeats come to the event.
+SMALL: dict[str, Any] = {"trials": 10, "repeats": 3, "changes": {"run.duration": 40.0}}
+
+
+def small(**options: Any) -> sa.RareEventEstimate:
+    return sa.estimate(WALK, "far", LEVELS, event="satisfied", **SMALL, **options)
 
 
 @cache
@@ -58,21 +61,21 @@ def test_the_estimate_for_the_walk_covers_the_known_probability() -> None:
 def test_the_estimate_is_determined_by_the_seed() -> None:
     one, two = known(), small()
     assert plain(one) == plain(two)
-    other = sa.estimate(WALK, "far", LEVELS, event="satisfied", trials=20, repeats=3, seed=1)
+    assert all(each.counts[-1].reached for each in one.repeats)
+    other = small(seed=1)
     assert plain(other) != plain(one)
 
 
 def test_descending_levels_to_a_violation_give_the_same_estimate() -> None:
-    changes = {"specifications": {"near": {"each": "walker", "formula": "always x < 19.5"}}, "run.duration": 100.0}
-    found = sa.estimate(WALK, "near", [11.5, 8.5, 5.5, 2.5], trials=20, repeats=3, changes=changes)
+    changes = {"specifications": {"near": {"each": "walker", "formula": "always x < 19.5"}}}
+    options = {**SMALL, "changes": {**SMALL["changes"], **changes}}
+    found = sa.estimate(WALK, "near", [11.5, 8.5, 5.5, 2.5], **options)
     assert [each.counts for each in found.repeats] == [each.counts for each in known().repeats]
 
 
 def test_the_number_of_workers_does_not_affect_the_estimate() -> None:
     told: list[tuple[int, int]] = []
-    shared = sa.estimate(
-        WALK, "far", LEVELS, event="satisfied", trials=20, repeats=3, jobs=2, on_progress=lambda *at: told.append(at)
-    )
+    shared = small(jobs=2, on_progress=lambda *at: told.append(at))
     assert plain(shared) == plain(known())
     assert told == [(1, 3), (2, 3), (3, 3)]
 

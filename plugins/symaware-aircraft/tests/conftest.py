@@ -1,7 +1,5 @@
 """Flights: scenarios of the package, run by the command line and read from their logs."""
 
-import subprocess
-import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
@@ -10,6 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 from numpy.typing import NDArray
+from simulating import Command, in_process
 
 from symaware_cli import Log, open_log
 from symaware_cli.log.logged_events import LoggedEvent
@@ -44,7 +43,6 @@ class Flight(NamedTuple):
 
 
 Fly = Callable[..., Flight]
-Command = Callable[..., subprocess.CompletedProcess[str]]
 
 
 @pytest.fixture(scope="session")
@@ -55,13 +53,8 @@ def scenarios() -> Path:
 
 @pytest.fixture(scope="session")
 def command() -> Command:
-    """Run a verb of the command line."""
-
-    def command(*arguments: object) -> subprocess.CompletedProcess[str]:
-        line = [sys.executable, "-P", "-m", "symaware_cli", *map(str, arguments)]
-        return subprocess.run(line, capture_output=True, text=True, timeout=300, check=False)
-
-    return command
+    """Run a verb of the command line, in this process."""
+    return in_process
 
 
 @pytest.fixture(scope="session")

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tests.conftest import Command
+    from simulating import Command
 
 
 SOURCES = sorted((Path(__file__).parent.parent / "src").rglob("*.py"))

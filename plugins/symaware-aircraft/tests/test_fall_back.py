@@ -19,7 +19,9 @@ from symaware_cli.planning.optimal_control import Plan
 from symaware_cli.planning.optimal_control.dynamics import Dynamics
 
 if TYPE_CHECKING:
-    from tests.conftest import Command, Fly
+    from simulating import Command
+
+    from tests.conftest import Fly
 
 Array = NDArray[np.float64]
 

@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 from symaware_cli import open_log
 
 if TYPE_CHECKING:
-    from tests.conftest import Command, Flight, Fly
+    from simulating import Command
+
+    from tests.conftest import Flight, Fly
 
 AVOIDANCE = "intent-avoidance.yaml"
 

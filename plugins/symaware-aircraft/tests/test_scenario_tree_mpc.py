@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from symaware_cli.testing import assert_repeatable
 
 if TYPE_CHECKING:
-    from tests.conftest import Command, Flight, Fly
+    from simulating import Command
+
+    from tests.conftest import Flight, Fly
 
 AVOIDANCE = "intent-avoidance.yaml"
 CONTROLLER = "agents.ownship.components.steer.with"

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 if TYPE_CHECKING:
-    from tests.conftest import Command, Fly
+    from simulating import Command
+
+    from tests.conftest import Fly
 
 SWEEPS = Path(__file__).parent.parent / "sweeps"
 CONTROLLER = "agents.ownship.components.steer.with"

@@ -1,11 +1,11 @@
 """Flights: scenarios of the package, run by the command line and read from their logs."""
 
 import atexit
-import subprocess
-import sys
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
+
+from simulating import in_process as command
 
 from symaware_cli import Log, open_log
 
@@ -14,12 +14,6 @@ SCENARIOS = PACKAGE / "scenarios"
 
 _FOLDER = TemporaryDirectory()
 atexit.register(_FOLDER.cleanup)
-
-
-def command(*arguments: object) -> "subprocess.CompletedProcess[str]":
-    """Run a verb of the command line."""
-    line = [sys.executable, "-P", "-m", "symaware_cli", *map(str, arguments)]
-    return subprocess.run(line, capture_output=True, text=True, timeout=600, check=False)
 
 
 @cache

@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 import yaml
-from drone_flights import SCENARIOS, command, fly
+from drone_flights import SCENARIOS, fly
+from simulating import in_process as command
 from symaware_drones.schedule import Schedule, ScheduledTask
 from symaware_drones.task import Task
 

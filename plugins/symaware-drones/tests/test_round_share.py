@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 import yaml
-from drone_flights import SCENARIOS, command
+from drone_flights import SCENARIOS
+from simulating import in_process as command
 
 
 def swept(folder: Path, **metric: str) -> "subprocess.CompletedProcess[str]":

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from warehouse_runs import SCENARIOS, command, run
+from simulating import in_process as command
+from warehouse_runs import SCENARIOS, run
 
 
 def test_accepted_specifications_hold_at_every_instant_and_no_robot_hits_a_wall() -> None:

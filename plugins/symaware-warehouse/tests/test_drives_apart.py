@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from simulating import in_process as command
 from symaware_warehouse.told_tube import ToldTube
-from warehouse_runs import SCENARIOS, command, run
+from warehouse_runs import SCENARIOS, run
 
 from symaware_cli import Log, TimeSeries
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import pytest
+from simulating import in_process as command
 from symaware_warehouse.tube import Tube, TubeKind
-from warehouse_runs import SCENARIOS, command, run
+from warehouse_runs import SCENARIOS, run
 
 from symaware_cli import Log
 

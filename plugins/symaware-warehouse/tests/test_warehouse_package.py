@@ -6,7 +6,7 @@ import ast
 import json
 from pathlib import Path
 
-from warehouse_runs import command
+from simulating import in_process as command
 
 SOURCES = sorted((Path(__file__).parent.parent / "src").rglob("*.py"))
 NAMES = {"warehouse.disturbance", "warehouse.plan"}

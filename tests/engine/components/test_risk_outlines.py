@@ -107,7 +107,7 @@ class Pair:
 
 @pytest.mark.parametrize("kinds", PAIRS, ids="-".join)
 @pytest.mark.parametrize(
-    ("doubt", "count", "samples"), [("known", 200, 4000), ("velocity", 200, 4000), ("turning", 40, 400)]
+    ("doubt", "count", "samples"), [("known", 100, 4000), ("velocity", 100, 4000), ("turning", 20, 400)]
 )
 def test_the_bound_is_never_below_the_sampled_probability(
     kinds: tuple[str, str], doubt: str, count: int, samples: int

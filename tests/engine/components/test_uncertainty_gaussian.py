@@ -350,8 +350,10 @@ def test_a_thousand_agents_are_as_sure_of_themselves_as_they_may_be() -> None:
 WALL_AWAY = -100.0
 
 
-def watching(count: int, spacing: float = 1000.0, **perception: float) -> dict[str, dict[str, Any]]:
-    """Watchers, each with somebody to watch 20 m away, and a wall that steps between them from 1.5 s to 3 s."""
+def watching(
+    count: int, spacing: float = 1000.0, *, hidden: tuple[float, float] = (1.5, 3.0), **perception: float
+) -> dict[str, dict[str, Any]]:
+    """Watchers, each with somebody to watch 20 m away, and a wall that stands between them for a time [s]."""
     watchers = Team(
         sense(range=200.0, occlusion=True, position_noise=0.3, velocity_noise=0.2, **perception)
         | believe(acceleration_noise=0.3),
@@ -362,7 +364,7 @@ def watching(count: int, spacing: float = 1000.0, **perception: float) -> dict[s
     watched = Team(
         {}, count, [[spacing * number, 20.0, 0.4, 0.0] for number in range(count)], model=drifting(intensity=0.3)
     )
-    times = [0.0, 1.499, 1.5, 2.999, 3.0]
+    times = [0.0, hidden[0] - 0.001, hidden[0], hidden[1] - 0.001, hidden[1]]
     places = [[0.0, y] for y in (WALL_AWAY, WALL_AWAY, 10.0, 10.0, WALL_AWAY)]
     wall = Obstacle(
         shape={"wall": {"points": [[-500.0, 0.0], [spacing * count, 0.0]]}},
@@ -409,11 +411,11 @@ def test_a_thousand_agents_are_as_sure_of_others_as_they_may_be_in_sight_and_out
 def test_over_four_hundred_seeds_agents_are_as_sure_as_they_may_be_of_themselves_and_of_others() -> None:
     """Three agents in each run, so that 0.93 to 0.97 is three standard errors of 1,200 around 0.95."""
     model = Unicycle(Unicycle.Parameters(process_noise=[0.05, 0.05, 0.1]))
-    moments = (20, 45, 59, 80)
+    moments = (9, 15, 19, 26)  # in sight; hidden, half-way and at the end of it; in sight again
     own: dict[int, list[Any]] = {at: [] for at in moments}
     other: dict[int, list[Any]] = {at: [] for at in moments}
     for seed in range(400):
-        scene = watching(3)
+        scene = watching(3, hidden=(0.5, 1.0))
         walker = Team(
             sense(range=1.0, self_noise=[0.2, 0.2, 0.1]) | believe(initial_deviation=0.1),
             3,
@@ -427,7 +429,8 @@ def test_over_four_hundred_seeds_agents_are_as_sure_as_they_may_be_of_themselves
             if number in moments:
                 wrong = run.group["walker"].awareness.state - run.truth("walker")
                 own[number].extend(zip(wrong, run.covariance("walker"), strict=True))
-                errors, covariances, _ = tracked(run, 3)
+                errors, covariances, ages = tracked(run, 3)
+                assert ages == pytest.approx({15: 6, 19: 10}.get(number, 0) * SECONDS)
                 other[number].extend(zip(errors, covariances, strict=True))
             run.step()
     for number in moments:
