@@ -23,7 +23,6 @@ from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ComponentUse, RunSection
 from symaware_cli.language.problem import nearest, quoted
 from symaware_cli.language.source import Path
-from symaware_cli.world import duration_of
 
 if TYPE_CHECKING:
     from symaware_cli.specification import Names
@@ -112,8 +111,13 @@ class TimingCheck:
         if use.trigger is not None and period is None and (offset or jitter):
             key = "offset" if offset else "jitter"
             self._wrong(path, key, f"{quoted(key)} needs a period, but there is only a trigger", "a period")
-        latency = duration_of(use.latency)
-        if not latency.is_zero and component.async_compute_and_update is not Component.async_compute_and_update:
+        latency = None
+        if use.latency:
+            from symaware_cli.world import duration_of
+
+            latency = duration_of(use.latency)
+        takes_time = latency is not None and not latency.is_zero
+        if takes_time and component.async_compute_and_update is not Component.async_compute_and_update:
             self._wrong(
                 path,
                 "latency",
@@ -122,7 +126,7 @@ class TimingCheck:
             )
         if use.run_in == "process":
             self._check_run_in(use, component, path)
-        if period == 0 and latency.is_zero and use.condition is None and not may_wait(component):
+        if period == 0 and not takes_time and use.condition is None and not may_wait(component):
             said = f"{quoted(use.use)} takes no simulated time, so its turns would repeat endlessly at one instant"
             self._wrong(path, "period", said, "a period above 0, or a `latency`")
         condition = None

@@ -56,7 +56,6 @@ from .plugin import ParameterError as ParameterError
 from .plugin import Parameters as Parameters
 from .plugin import Plugin as Plugin
 from .plugin_kind import PluginKind as PluginKind
-from .probability_distribution import LONGEST as LONGEST
 from .probability_distribution import MODIFIERS as MODIFIERS
 from .probability_distribution import RANDOM as RANDOM
 from .probability_distribution import Latency as Latency
@@ -73,6 +72,7 @@ from .roster import Roster as Roster
 from .snapshot import Snapshot as Snapshot
 from .snapshot import StatesById as StatesById
 from .step_simulator import StepSimulator as StepSimulator
+from .time import LONGEST as LONGEST
 from .time import SECOND as SECOND
 from .time import Clock as Clock
 from .time import nanoseconds as nanoseconds

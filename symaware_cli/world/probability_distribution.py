@@ -20,7 +20,7 @@ from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, mod
 
 from symaware_cli.world.number_range import LISTED, expanded
 from symaware_cli.world.plugin import Parameters
-from symaware_cli.world.time import nanoseconds
+from symaware_cli.world.time import LONGEST, nanoseconds
 
 Array = NDArray[np.float64]
 Part = TypeVar("Part")
@@ -37,9 +37,6 @@ _ENDS = (2.0**-40, 1.0 - 2.0**-40)
 
 #: The least probability of what bounds leave of a distribution; of less, rounding errors would be drawn.
 _LEAST_SHARE = 2.0**-30
-
-#: The longest duration [s].
-LONGEST = 1e9
 
 
 def _ndtri(points: Array) -> Array:

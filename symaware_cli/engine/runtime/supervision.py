@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from symaware_cli.core import AgentGroup, GroupComponent
 from symaware_cli.engine.runtime.held_rows import HeldRows
 from symaware_cli.engine.runtime.simulation import ComponentEntry, Simulation
-from symaware_cli.world import LONGEST, ProbabilityDistribution, Turn, fraction, nanoseconds
+from symaware_cli.world import LONGEST, Turn, fraction, nanoseconds
+
+if TYPE_CHECKING:
+    from symaware_cli.world import ProbabilityDistribution
 
 _NONE = nullcontext()
 
@@ -117,11 +120,12 @@ class Supervision:
 
     def latency(self, row: int, turn: Turn) -> int:
         """The latency of a component's computation in a turn, in nanoseconds."""
-        durations, drawn = self._slowness.get(row) or (self._entry.timing.latency,), 0.5
+        own, drawn = self._entry.timing.latency, 0.5
+        durations = self._slowness.get(row) or (() if own is None else (own,))
         if any(duration.is_drawn for duration in durations):
             # One draw for all imposed latencies, so that faults do not change other draws.
             drawn = fraction(self._simulation.seed, self._entry.components[row].path, "latency", *turn)
-        return max(nanoseconds(min(duration.quantile(drawn), LONGEST)) for duration in durations)
+        return max((nanoseconds(min(duration.quantile(drawn), LONGEST)) for duration in durations), default=0)
 
     def supervised(self) -> AbstractContextManager[None]:
         """A context for a turn: on exit, the rows of suspended agents are restored and disturbances are applied."""

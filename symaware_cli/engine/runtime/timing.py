@@ -10,10 +10,11 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 import numpy as np
 
 from symaware_cli.core import Contact, Event
-from symaware_cli.world import ProbabilityDistribution, always, uniform
+from symaware_cli.world import uniform
 
 if TYPE_CHECKING:
     from symaware_cli.specification.expression import Expression
+    from symaware_cli.world import ProbabilityDistribution
 
 Overrun = Literal["skip", "queue", "fail"]
 OnFailure = Literal["stop", "isolate", "restart"]
@@ -23,9 +24,6 @@ WhenOff = Literal["hold", "clear"]
 
 #: The number of delays that are drawn at once.
 _BLOCK = 64
-
-#: The latency of what takes no time.
-NO_TIME = always(0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +55,7 @@ class Timing:
         condition: A condition on the agent; turns are skipped while it does not hold.
         when_off: The values of the parts of awareness and the signals that the component writes, while its condition
             does not hold: the last ones, or none.
-        latency: The duration of a computation, after which its update is applied.
+        latency: The duration of a computation, after which its update is applied; None if it takes no time.
         overrun: What happens to a turn that is due while the previous one still computes.
         on_failure: What happens to the agent if the component fails.
         tries: The greatest number of restarts.
@@ -71,12 +69,17 @@ class Timing:
     trigger: Trigger | None = None
     condition: Expression | None = None
     when_off: WhenOff = "hold"
-    latency: ProbabilityDistribution = NO_TIME
+    latency: ProbabilityDistribution | None = None
     overrun: Overrun = "skip"
     on_failure: OnFailure = "stop"
     tries: int = 3
     coast: Coast = "safe"
     in_process: bool = False
+
+    @property
+    def takes_time(self) -> bool:
+        """Whether there may be time between a computation and its update."""
+        return self.latency is not None and not self.latency.is_zero
 
     def is_steady(self, time_step: int) -> bool:
         """Whether there is exactly one turn at each step of the world."""
