@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any
 
@@ -36,6 +36,7 @@ from symaware_cli.language.section_builder import SectionBuilder
 from symaware_cli.language.source import Path
 from symaware_cli.language.timing_check import TimingCheck
 from symaware_cli.language.validation import validate
+from symaware_cli.world import record
 
 if TYPE_CHECKING:
     from symaware_cli.engine import Network, Topology
@@ -47,7 +48,7 @@ _MOST_STEPS = 10**9
 _INDEPENDENT = ("faults", "specifications")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Built:
     """A valid scenario, built and ready to run.
 

@@ -27,6 +27,8 @@ from .child_process import how_it_ended as how_it_ended
 from .child_process import read as read
 from .child_process import write as write
 from .contact import Contact as Contact
+from .distribution_forms import MODIFIERS as MODIFIERS
+from .distribution_forms import RANDOM as RANDOM
 from .drive import Drive as Drive
 from .entity import Entity as Entity
 from .entity import Obstacle as Obstacle
@@ -56,8 +58,6 @@ from .plugin import ParameterError as ParameterError
 from .plugin import Parameters as Parameters
 from .plugin import Plugin as Plugin
 from .plugin_kind import PluginKind as PluginKind
-from .probability_distribution import MODIFIERS as MODIFIERS
-from .probability_distribution import RANDOM as RANDOM
 from .probability_distribution import Latency as Latency
 from .probability_distribution import ProbabilityDistribution as ProbabilityDistribution
 from .probability_distribution import Seconds as Seconds
@@ -68,6 +68,7 @@ from .reading import Frame as Frame
 from .reading import Image as Image
 from .reading import Reading as Reading
 from .reading import Scan as Scan
+from .records import record as record
 from .roster import Roster as Roster
 from .snapshot import Snapshot as Snapshot
 from .snapshot import StatesById as StatesById

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
 from symaware_cli.core import Contact, Event
-from symaware_cli.world import uniform
+from symaware_cli.world import record, uniform
 
 if TYPE_CHECKING:
     from symaware_cli.specification.expression import Expression
@@ -26,7 +25,7 @@ WhenOff = Literal["hold", "clear"]
 _BLOCK = 64
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Trigger:
     """An event that triggers a turn of a component.
 
@@ -42,7 +41,7 @@ class Trigger:
     source: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Timing:
     """The timing of a component's turns, and the handling of overruns and failures.
 
@@ -200,7 +199,7 @@ def _matching(pattern: str, group: str, rows: Mapping[str, int]) -> Collection[i
 Moment: TypeAlias = "int | Expression | Trigger"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PresenceInterval:
     """The interval in which an agent is in the world.
 
