@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from itertools import zip_longest
 from typing import get_args
 
-from symaware_cli.awareness import MEASUREMENT, Kind
-from symaware_cli.core import PARTS, Part, Quantity, Signal
+from symaware_cli.awareness import MEASUREMENT, PARTS, Kind, Part, Signal
 from symaware_cli.log.index import ChannelInfo
+from symaware_cli.world import Quantity
 
 SIGNAL_MESSAGES: Mapping[Kind, str] = {"vector": "Rows", "series": "SeriesRows", "table": "TableRows"}
 """The message type of the channel of a part or a signal, by its kind."""

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Frame, Reading, Scan
 from symaware_cli.log import png
 from symaware_cli.log import symaware_v1_pb2 as v1
-from symaware_cli.log.writer import LogWriter, Message
-from symaware_cli.world import record
+from symaware_cli.world import Frame, Reading, Scan, record
+
+if TYPE_CHECKING:
+    from symaware_cli.core import AgentGroup
+    from symaware_cli.log.writer import LogWriter, Message
 
 Array = NDArray[np.float64]
 

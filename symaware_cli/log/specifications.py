@@ -14,10 +14,10 @@ from symaware_cli.log import symaware_v1_pb2 as v1
 from symaware_cli.log.index import ChannelInfo
 from symaware_cli.log.logged_events import LoggedEvent
 from symaware_cli.log.wire import CODE, FLOAT, INDEX, TIME, packed
-from symaware_cli.log.writer import LogWriter
 from symaware_cli.world import record
 
 if TYPE_CHECKING:
+    from symaware_cli.log.writer import LogWriter
     from symaware_cli.specification import Outcome, SpecificationMonitor
 
 #: The topic of a specification.

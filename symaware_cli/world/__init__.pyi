@@ -41,7 +41,6 @@ from .integration import Integrator as Integrator
 from .integration import integrate as integrate
 from .integration import rk4_step as rk4_step
 from .model import Model as Model
-from .model import Quantity as Quantity
 from .model import columns as columns
 from .model import rows as rows
 from .motion_layout import as_motion as as_motion
@@ -64,6 +63,7 @@ from .probability_distribution import Seconds as Seconds
 from .probability_distribution import VectorDistribution as VectorDistribution
 from .probability_distribution import always as always
 from .probability_distribution import duration_of as duration_of
+from .quantity import Quantity as Quantity
 from .reading import Frame as Frame
 from .reading import Image as Image
 from .reading import Reading as Reading
