@@ -94,8 +94,9 @@ if TYPE_CHECKING:
         nanoseconds,
         seconds,
     )
-    from symaware_cli.core.identifiers import AgentParameters, AgentPattern, ComponentParameters, ComponentPattern
+    from symaware_cli.core.identifiers import AgentPattern, ComponentPattern
     from symaware_cli.core.stateful import StateError
+    from symaware_cli.core.target_parameters import AgentParameters, ComponentParameters
     from symaware_cli.core.verdict import SpecificationStatus
     from symaware_cli.engine import (
         AgentSelection,
@@ -353,8 +354,9 @@ _HOMES = {
     "symaware_cli.api.sweeps": ("open_sweep", "sweep", "verify_sweep"),
     "symaware_cli.evidence.verification": ("VerificationResult", "verify_log"),
     "symaware_cli.engine.components.sensor": ("Sensor", "SensorParameters"),
-    "symaware_cli.core.identifiers": ("AgentParameters", "AgentPattern", "ComponentParameters", "ComponentPattern"),
+    "symaware_cli.core.identifiers": ("AgentPattern", "ComponentPattern"),
     "symaware_cli.core.stateful": ("StateError",),
+    "symaware_cli.core.target_parameters": ("AgentParameters", "ComponentParameters"),
     "symaware_cli.core.verdict": ("SpecificationStatus",),
     "symaware_cli.assets.vehicle": ("Vehicle",),
     "symaware_cli.engine.network.topology.topology": ("Topology", "TopologyError", "TopologyParameters"),

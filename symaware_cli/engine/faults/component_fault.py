@@ -7,7 +7,7 @@ from typing import ClassVar
 
 from pydantic import BaseModel, RootModel
 
-from symaware_cli.core.identifiers import ComponentParameters
+from symaware_cli.core.target_parameters import ComponentParameters
 from symaware_cli.engine.runtime.fault import ComponentSelection, Fault, FaultContext
 
 
