@@ -21,7 +21,7 @@ from symaware_cli.language.catalogue import Catalogue
 from symaware_cli.language.changes import Changes
 from symaware_cli.language.compose import Composition, CompositionError, compose
 from symaware_cli.language.diagnosis import Diagnosis
-from symaware_cli.language.document import ScenarioDocument, TopologyUse, document_of
+from symaware_cli.language.document import ScenarioDocument, document_of
 from symaware_cli.language.free_places import FreeRoom, around
 from symaware_cli.language.group_builder import GroupBuilder, is_placed
 from symaware_cli.language.own_plugins import with_own_plugins
@@ -40,6 +40,7 @@ from symaware_cli.world import record
 
 if TYPE_CHECKING:
     from symaware_cli.engine import Network, Topology
+    from symaware_cli.language.topology_section import TopologyUse
 
 #: The greatest number of steps; more are taken for a mistake: at a million steps per second they take 17 minutes.
 _MOST_STEPS = 10**9

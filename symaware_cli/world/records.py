@@ -44,7 +44,7 @@ def _initialiser(made: Any) -> Callable[..., None]:
     if hasattr(made, "__post_init__"):
         lines.append(" self.__post_init__()")
     listed = ["self", *parameters[False], *(["*", *parameters[True]] if parameters[True] else [])]
-    exec(f"def __init__({', '.join(listed)}):\n" + "\n".join(lines), names)
+    exec(f"def __init__({', '.join(listed)}):\n" + "\n".join(lines or [" pass"]), names)
     initialiser: Callable[..., None] = names["__init__"]
     initialiser.__annotations__ = {**{field.name: field.type for field in fields(made)}, "return": None}
     initialiser.__qualname__ = f"{made.__qualname__}.__init__"

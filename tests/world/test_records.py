@@ -96,7 +96,8 @@ def test_a_record_cannot_be_changed() -> None:
 
 
 def test_records_of_different_classes_differ() -> None:
-    assert Point(1.0) != Standard(1.0)
+    standard: Any = Standard(1.0)
+    assert Point(1.0) != standard
     assert Place(1.0) != Tower(1.0, height=2.0)
 
 
@@ -123,7 +124,7 @@ def test_a_record_inherits_fields_and_may_take_further_ones_by_keyword_alone() -
     tower = Tower(1.0, 2.0, ["here"], height=3.0)
     assert repr(tower) == "Tower(x=1.0, y=2.0, names=['here'], height=3.0)"
     with pytest.raises(TypeError):
-        Tower(1.0, 2.0, ["here"], "", 3.0)  # type: ignore[misc]
+        Tower(1.0, 2.0, ["here"], "", 3.0)  # type: ignore[call-arg]
     with pytest.raises(TypeError, match="height"):
         Tower(1.0)  # type: ignore[call-arg]
 

@@ -21,7 +21,7 @@ def gives_exact_state(entry: EntryView, reader: EntryView, step: int) -> bool:
         step: The time step of the world [ns].
     """
     timing = entry.timing
-    if not entry.components[0].perceives().get("own", False) or timing.takes_time:
+    if not entry.components[0].perceives().get("own", False) or not timing.latency.is_zero:
         return False
     if timing.jitter or timing.trigger is not None or timing.condition is not None:
         return False

@@ -120,7 +120,7 @@ class TurnScheduler:
         They are free if besides no agent is suspended.
         """
         timing, supervision = self._timing, self.supervision
-        self._takes_time = supervision.slows_down or timing.takes_time or timing.in_process
+        self._takes_time = supervision.slows_down or not timing.latency.is_zero or timing.in_process
         self._plain = (
             not supervision.disturbances
             and not (self._is_group and supervision.suspends(0))

@@ -120,12 +120,11 @@ class Supervision:
 
     def latency(self, row: int, turn: Turn) -> int:
         """The latency of a component's computation in a turn, in nanoseconds."""
-        own, drawn = self._entry.timing.latency, 0.5
-        durations = self._slowness.get(row) or (() if own is None else (own,))
+        durations, drawn = self._slowness.get(row) or (self._entry.timing.latency,), 0.5
         if any(duration.is_drawn for duration in durations):
             # One draw for all imposed latencies, so that faults do not change other draws.
             drawn = fraction(self._simulation.seed, self._entry.components[row].path, "latency", *turn)
-        return max((nanoseconds(min(duration.quantile(drawn), LONGEST)) for duration in durations), default=0)
+        return max(nanoseconds(min(duration.quantile(drawn), LONGEST)) for duration in durations)
 
     def supervised(self) -> AbstractContextManager[None]:
         """A context for a turn: on exit, the rows of suspended agents are restored and disturbances are applied."""

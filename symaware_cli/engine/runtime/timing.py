@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias
 
 import numpy as np
 
@@ -23,6 +23,21 @@ WhenOff = Literal["hold", "clear"]
 
 #: The number of delays that are drawn at once.
 _BLOCK = 64
+
+
+@record
+class NoTime:
+    """The duration of what takes no time, for which no model of distributions is imported."""
+
+    is_zero: ClassVar[bool] = True
+    is_drawn: ClassVar[bool] = False
+
+    def quantile(self, point: float) -> float:
+        """Return 0 for any probability."""
+        return 0.0
+
+
+NO_TIME = NoTime()
 
 
 @record
@@ -54,7 +69,7 @@ class Timing:
         condition: A condition on the agent; turns are skipped while it does not hold.
         when_off: The values of the parts of awareness and the signals that the component writes, while its condition
             does not hold: the last ones, or none.
-        latency: The duration of a computation, after which its update is applied; None if it takes no time.
+        latency: The duration of a computation, after which its update is applied.
         overrun: What happens to a turn that is due while the previous one still computes.
         on_failure: What happens to the agent if the component fails.
         tries: The greatest number of restarts.
@@ -68,17 +83,12 @@ class Timing:
     trigger: Trigger | None = None
     condition: Expression | None = None
     when_off: WhenOff = "hold"
-    latency: ProbabilityDistribution | None = None
+    latency: ProbabilityDistribution | NoTime = NO_TIME
     overrun: Overrun = "skip"
     on_failure: OnFailure = "stop"
     tries: int = 3
     coast: Coast = "safe"
     in_process: bool = False
-
-    @property
-    def takes_time(self) -> bool:
-        """Whether there may be time between a computation and its update."""
-        return self.latency is not None and not self.latency.is_zero
 
     def is_steady(self, time_step: int) -> bool:
         """Whether there is exactly one turn at each step of the world."""

@@ -60,7 +60,7 @@ class CellCheck:
             ("jitter", timing.jitter > 0, "the time for which an input is held varies"),
             ("trigger", timing.trigger is not None, "an input is held until an event"),
             ("condition", timing.condition is not None, "an input is held while the condition does not hold"),
-            ("latency", timing.takes_time, "an input is for where the agent was when it was computed"),
+            ("latency", not timing.latency.is_zero, "an input is for where the agent was when it was computed"),
         ):
             if is_wrong:
                 self._uncertain(why, (key,), f"no {key}")

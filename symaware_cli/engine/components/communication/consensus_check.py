@@ -104,7 +104,7 @@ def _check_order(view: ScenarioView) -> None:
         ("jitter", timing.jitter > 0),
         ("condition", timing.condition is not None),
         ("trigger", timing.trigger is not None and timing.trigger.source is None),
-        ("latency", timing.latency is not None and timing.latency.is_drawn),
+        ("latency", timing.latency.is_drawn),
     ):
         if is_uncertain:
             said = f"{_NEEDED} in all groups, but a `{key}` acts on each separately"
