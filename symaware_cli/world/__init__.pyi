@@ -68,6 +68,7 @@ from .reading import Frame as Frame
 from .reading import Image as Image
 from .reading import Reading as Reading
 from .reading import Scan as Scan
+from .records import is_record as is_record
 from .records import record as record
 from .roster import Roster as Roster
 from .snapshot import Snapshot as Snapshot

@@ -26,6 +26,11 @@ def record(kind: Kind) -> Kind:
     return cast("Kind", made)
 
 
+def is_record(kind: type) -> bool:
+    """Whether a class is a record, whose objects cannot be changed."""
+    return kind.__setattr__ is _set
+
+
 def _initialiser(made: Any) -> Callable[..., None]:
     """Compile the method that sets the fields of a record, by the descriptors of its slots."""
     names: dict[str, Any] = {"_MISSING": MISSING}

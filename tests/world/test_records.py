@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from symaware_cli.world import record
+from symaware_cli.world import is_record, record
 
 
 @record
@@ -135,3 +135,7 @@ def test_records_are_copied_and_pickled() -> None:
         assert other == tower
         assert other.note == "note"
     assert copy.deepcopy(tower).names is not tower.names
+
+
+def test_a_class_is_known_to_be_a_record() -> None:
+    assert [is_record(kind) for kind in (Place, Tower, Point, Standard, int)] == [True, True, True, False, False]

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import Enum
 from functools import partial
 from pathlib import Path
@@ -214,7 +214,7 @@ def tracks(of: Tracks | None) -> list[Any] | None:
 
 
 def vars_of(reading: Frame | Scan) -> list[Any]:
-    return [getattr(reading, name) for name in type(reading).__slots__]
+    return [getattr(reading, each.name) for each in fields(reading)]
 
 
 def plain(value: Any) -> Any:
