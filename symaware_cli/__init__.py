@@ -96,10 +96,11 @@ if TYPE_CHECKING:
     )
     from symaware_cli.core.identifiers import AgentPattern, ComponentPattern
     from symaware_cli.core.stateful import StateError
-    from symaware_cli.core.target_parameters import AgentParameters, ComponentParameters
     from symaware_cli.core.verdict import SpecificationStatus
     from symaware_cli.engine import (
+        AgentParameters,
         AgentSelection,
+        ComponentParameters,
         ComponentSelection,
         Fault,
         FaultContext,
@@ -356,7 +357,6 @@ _HOMES = {
     "symaware_cli.engine.components.sensor": ("Sensor", "SensorParameters"),
     "symaware_cli.core.identifiers": ("AgentPattern", "ComponentPattern"),
     "symaware_cli.core.stateful": ("StateError",),
-    "symaware_cli.core.target_parameters": ("AgentParameters", "ComponentParameters"),
     "symaware_cli.core.verdict": ("SpecificationStatus",),
     "symaware_cli.assets.vehicle": ("Vehicle",),
     "symaware_cli.engine.network.topology.topology": ("Topology", "TopologyError", "TopologyParameters"),
@@ -387,6 +387,7 @@ _HOMES = {
         "FaultTargets",
     ),
     "symaware_cli.engine.runtime.restraint": ("Restraint",),
+    "symaware_cli.engine.runtime.target_parameters": ("AgentParameters", "ComponentParameters"),
     "symaware_cli.engine.runtime.state.simulation_state": ("SimulationState",),
     "symaware_cli.processes.distribution_error": ("DistributionError",),
     "symaware_cli.processes.place": ("Place",),

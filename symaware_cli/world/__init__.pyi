@@ -61,7 +61,6 @@ from .probability_distribution import Latency as Latency
 from .probability_distribution import ProbabilityDistribution as ProbabilityDistribution
 from .probability_distribution import Seconds as Seconds
 from .probability_distribution import VectorDistribution as VectorDistribution
-from .probability_distribution import always as always
 from .probability_distribution import duration_of as duration_of
 from .quantity import Quantity as Quantity
 from .reading import Frame as Frame

@@ -35,8 +35,8 @@ from symaware_cli.specification.parser import parse
 from symaware_cli.specification.scope import AgentScope
 from symaware_cli.specification.specification import Specification
 from symaware_cli.specification.specification_monitor import SpecificationMonitor
-from symaware_cli.world import always
 from symaware_cli.world.chance import AgentChance, GroupChance
+from symaware_cli.world.probability_distribution import always
 from symaware_cli.world.reading import Scan
 
 #: Steps between two turns, and what their latency is; less, so that no turn is put off.
