@@ -28,7 +28,8 @@ def record(kind: Kind) -> Kind:
 
 def is_record(kind: type) -> bool:
     """Whether a class is a record, whose objects cannot be changed."""
-    return kind.__setattr__ is _set
+    setter: object = kind.__setattr__
+    return setter is _set
 
 
 def _initialiser(made: Any) -> Callable[..., None]:
