@@ -94,11 +94,13 @@ if TYPE_CHECKING:
         nanoseconds,
         seconds,
     )
-    from symaware_cli.core.identifiers import AgentParameters, AgentPattern, ComponentParameters, ComponentPattern
+    from symaware_cli.core.identifiers import AgentPattern, ComponentPattern
     from symaware_cli.core.stateful import StateError
     from symaware_cli.core.verdict import SpecificationStatus
     from symaware_cli.engine import (
+        AgentParameters,
         AgentSelection,
+        ComponentParameters,
         ComponentSelection,
         Fault,
         FaultContext,
@@ -353,7 +355,7 @@ _HOMES = {
     "symaware_cli.api.sweeps": ("open_sweep", "sweep", "verify_sweep"),
     "symaware_cli.evidence.verification": ("VerificationResult", "verify_log"),
     "symaware_cli.engine.components.sensor": ("Sensor", "SensorParameters"),
-    "symaware_cli.core.identifiers": ("AgentParameters", "AgentPattern", "ComponentParameters", "ComponentPattern"),
+    "symaware_cli.core.identifiers": ("AgentPattern", "ComponentPattern"),
     "symaware_cli.core.stateful": ("StateError",),
     "symaware_cli.core.verdict": ("SpecificationStatus",),
     "symaware_cli.assets.vehicle": ("Vehicle",),
@@ -385,6 +387,7 @@ _HOMES = {
         "FaultTargets",
     ),
     "symaware_cli.engine.runtime.restraint": ("Restraint",),
+    "symaware_cli.engine.runtime.target_parameters": ("AgentParameters", "ComponentParameters"),
     "symaware_cli.engine.runtime.state.simulation_state": ("SimulationState",),
     "symaware_cli.processes.distribution_error": ("DistributionError",),
     "symaware_cli.processes.place": ("Place",),

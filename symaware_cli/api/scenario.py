@@ -10,7 +10,7 @@ import threading
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 
@@ -18,7 +18,7 @@ from symaware_cli import processor
 from symaware_cli.api.report import TextReport
 from symaware_cli.api.result import RunResult, result_of
 from symaware_cli.language import Changes, FilePath, assignments
-from symaware_cli.world import counted, listed
+from symaware_cli.world import counted, listed, record
 
 if TYPE_CHECKING:
     from symaware_cli.api.stepping import SteppedSimulation
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from symaware_cli.processes import Place
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class GroupOutline:
     """One group of agents.
 
@@ -46,7 +46,7 @@ class GroupOutline:
     components: Mapping[str, str]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Outline:
     """An overview of a valid scenario.
 

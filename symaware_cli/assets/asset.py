@@ -11,13 +11,13 @@ import importlib.util
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Literal
 
 from symaware_cli.assets.asset_error import AssetError
 from symaware_cli.core import WorldError
+from symaware_cli.world import record
 
 if TYPE_CHECKING:
     from symaware_cli.assets.mjcf import MjcfDescription
@@ -39,7 +39,7 @@ _IN_PACKAGE = re.compile(r"(?:package|model)://([^/]+)/(.+)")
 _MOST_OF_MANIFEST = 1 << 16
 
 
-@dataclass(frozen=True)
+@record
 class AssetFolders:
     """The folders with the files of a scenario.
 
@@ -57,7 +57,7 @@ class AssetFolders:
         return tuple(each.resolve() for each in (self.home, *self.further))
 
 
-@dataclass(frozen=True)
+@record
 class Robot:
     """A robot description with the files of its meshes.
 

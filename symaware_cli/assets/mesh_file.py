@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -18,6 +17,7 @@ import numpy as np
 
 from symaware_cli.assets.asset_error import AssetError
 from symaware_cli.geometry import Array, Indices
+from symaware_cli.world import record
 
 #: Mesh formats that viewers can read, and their media types.
 MEDIA_TYPES = {".obj": "model/obj", ".stl": "model/stl", ".glb": "model/gltf-binary"}
@@ -56,7 +56,7 @@ _STL_GRAMMAR = {
 }
 
 
-@dataclass(frozen=True)
+@record
 class MeshSurface:
     """The surface of a mesh file, in units of the file; in metres for Collada.
 

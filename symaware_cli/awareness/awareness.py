@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,7 +16,7 @@ from symaware_cli.awareness.signal import Signal, SignalColumn
 from symaware_cli.awareness.time_series import TimeSeries
 from symaware_cli.awareness.tracks import Tracks
 from symaware_cli.awareness.value_range import FINITE, ValueRange, require_within
-from symaware_cli.world import FARTHEST, Reading, frozen
+from symaware_cli.world import FARTHEST, Reading, frozen, record
 
 Array = NDArray[np.float64]
 
@@ -121,7 +120,7 @@ class AwarenessVector:
         return f"{type(self).__name__}({self.id!r}, state={np.array2string(self.state, precision=4)})"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Observation:
     """The measurements of a perception in one step, before an estimator processes them.
 

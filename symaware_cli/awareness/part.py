@@ -5,15 +5,15 @@ Reasons: docs/decisions/0021-parts-of-awareness.md
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar, Literal, get_args
 
 from symaware_cli.awareness.signal import Signal
+from symaware_cli.world import record
 
 Merge = Literal["latest", "seen-first"]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Part(Signal):
     """A part of awareness: unlike a signal, it belongs to the agent, can be sent to others, and is known to conditions.
 

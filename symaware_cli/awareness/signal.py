@@ -6,7 +6,7 @@ Reasons: docs/decisions/0028-signals.md
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import ClassVar, Literal, Self, TypeAlias, get_args
 
 import numpy as np
@@ -14,7 +14,7 @@ import numpy as np
 from symaware_cli.awareness.column import Column, TableColumn
 from symaware_cli.awareness.series_column import SeriesColumn
 from symaware_cli.awareness.value_range import ValueRange
-from symaware_cli.world import Quantity
+from symaware_cli.world import Quantity, record
 
 Kind = Literal["vector", "series", "table"]
 Drawn = Literal["curve", "path", "ellipse", "bars", "points", "links", "boxes", "areas"]
@@ -36,7 +36,7 @@ _DRAWN: dict[str, tuple[str | None, ...]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Signal:
     """A quantity that a component records for each agent. Recording, replay and export use its declaration.
 

@@ -9,10 +9,10 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
-from symaware_cli.cli.help import DESCRIPTION
 from symaware_cli.cli.streams import is_plain
 from symaware_cli.cli.verb_command import UnusableVerb
 from symaware_cli.cli.verb_group import VerbGroup
+from symaware_cli.cli.verbs import DESCRIPTION
 
 application = typer.Typer(
     name="symaware",

@@ -12,9 +12,7 @@ from itertools import groupby
 
 from symaware_cli.cli.folding import wrapped
 from symaware_cli.cli.streams import is_lively, width_of
-from symaware_cli.cli.verbs import Verbs
-
-DESCRIPTION = "Run multi-agent scenarios with situational awareness: deterministic, recorded, checkable."
+from symaware_cli.cli.verbs import DESCRIPTION, Verbs
 
 #: The options of the command without a verb, with their help, as Typer has them.
 OPTIONS = (

@@ -9,7 +9,6 @@ from typing import Any
 import typer
 from typer.core import TyperGroup
 
-from symaware_cli.cli.help import help_text
 from symaware_cli.cli.terminal import INTERRUPTED, WRONG_INPUT, fail, fail_for, interruption, trouble_shown
 from symaware_cli.cli.verbs import Verbs
 
@@ -50,11 +49,15 @@ class VerbGroup(TyperGroup):
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
         """Write the help, with the verbs in their groups."""
+        from symaware_cli.cli.help import help_text
+
         formatter.write(help_text(self._verbs))
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         """Show the help if there are no arguments; refuse text that logs, tables and figures could not contain."""
         if not args and not ctx.resilient_parsing:
+            from symaware_cli.cli.help import help_text
+
             typer.echo(help_text(self._verbs), nl=False)
             ctx.exit(WRONG_INPUT)
         for text in args:

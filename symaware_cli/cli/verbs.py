@@ -11,9 +11,11 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from symaware_cli import entry_points
-from symaware_cli.cli.verb_summaries import SUMMARIES
 from symaware_cli.entry_points import Listing, Listings, PluginError
 from symaware_cli.help_place import HelpPlace, place_of
+
+DESCRIPTION = "Run multi-agent scenarios with situational awareness: deterministic, recorded, checkable."
+"""The help of the command as a whole, in a sentence."""
 
 #: The entry-point group of the verbs.
 GROUP = "symaware.commands"
@@ -88,6 +90,8 @@ class Verbs:
         return found
 
     def _summaries(self) -> Iterator[Summary]:
+        from symaware_cli.cli.verb_summaries import SUMMARIES
+
         for name in self.names:
             try:
                 listing = self._find(name)

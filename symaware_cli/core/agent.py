@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,8 +33,10 @@ from symaware_cli.core.event import EventBus
 from symaware_cli.core.external_inputs import ExternalInputs
 from symaware_cli.core.message import Exchange
 from symaware_cli.core.verdict import OFFERS, OfferBoard, SpecificationStatus, SpecificationStatuses
-from symaware_cli.geometry import Region
 from symaware_cli.world import Clock, Drive, Entity, Model, Roster
+
+if TYPE_CHECKING:
+    from symaware_cli.geometry import Region
 
 Array = NDArray[np.float64]
 

@@ -5,20 +5,18 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import TYPE_CHECKING, ClassVar, Self
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
 from symaware_cli.core.entity_group import EntityGroup
-from symaware_cli.geometry import Articulation, BodiesInPlane, Pose, Proximity, Scenery, rays_in_plane
+from symaware_cli.geometry import BodiesInPlane, Pose, Proximity, Scenery, rays_in_plane
 from symaware_cli.world import (
     Contact,
     Drive,
     ErrorCollector,
-    Image,
-    Obstacle,
     Parameters,
     Plugin,
     Roster,
@@ -27,6 +25,10 @@ from symaware_cli.world import (
     nanoseconds,
     seconds,
 )
+
+if TYPE_CHECKING:
+    from symaware_cli.geometry import Articulation
+    from symaware_cli.world import Image, Obstacle
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]

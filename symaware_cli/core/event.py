@@ -6,11 +6,12 @@ import enum
 import fnmatch
 import functools
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from operator import attrgetter
 from typing import Any, ClassVar
 
 from symaware_cli.core.stateful import StateError
+from symaware_cli.world import record
 
 #: The events of a component's turns; hot paths create these only if there are subscribers.
 TURNS = frozenset({"computing", "computed", "updating", "updated"})
@@ -34,7 +35,7 @@ class Level(enum.IntEnum):
     ERROR = 3
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Event:
     """Something that happened.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import ConfigDict, Field, RootModel
+from pydantic import Field
 
 NAME = r"^[A-Za-z_][A-Za-z0-9_-]*$"
 
@@ -22,15 +22,3 @@ COMPONENTS = "A component of some agents, such as `robot.2.steer`, `robot.steer`
 
 AgentPattern = Annotated[Target, Field(description=AGENTS)]
 ComponentPattern = Annotated[Target, Field(description=COMPONENTS)]
-
-
-class AgentParameters(RootModel[AgentPattern]):
-    """Parameters that consist of the name of agents alone."""
-
-    model_config = ConfigDict(frozen=True, defer_build=True)
-
-
-class ComponentParameters(RootModel[ComponentPattern]):
-    """Parameters that consist of the name of components alone."""
-
-    model_config = ConfigDict(frozen=True, defer_build=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.awareness import AwarenessVector
 from symaware_cli.core.links import Links
+from symaware_cli.world import record
 
 Indices = NDArray[np.intp]
 Times = NDArray[np.int64]
@@ -22,7 +23,7 @@ EVERYBODY = "*"
 _FIXED = frozenset({str, int, float, bool, bytes, type(None)})
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Message:
     """A message from one agent to another: one to send, or a view of one that arrived, see `Delivery.message`.
 
@@ -45,7 +46,7 @@ class Message:
     arrival_time: int = 0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MessageBatch:
     """The messages that agents send at one instant, in columns with a row for each message.
 
@@ -92,7 +93,7 @@ class MessageBatch:
         return replace(self, senders=self.senders[rows], columns=columns, receivers=receivers)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Delivery:
     """Messages of one batch that arrived together, in columns.
 

@@ -6,8 +6,9 @@ Components create them with `Component.sleep`, `happening`, `messages`, `any_of`
 from __future__ import annotations
 
 from collections.abc import Awaitable, Generator
-from dataclasses import dataclass
 from typing import Any, NamedTuple
+
+from symaware_cli.world import record
 
 
 class Wait:
@@ -19,7 +20,7 @@ class Wait:
         return (yield self)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Sleep(Wait):
     """Waits for simulated time to pass.
 
@@ -33,7 +34,7 @@ class Sleep(Wait):
         return f"{self.duration / 1e9:g} s to pass"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class EventWait(Wait):
     """Waits for an event.
 
@@ -49,7 +50,7 @@ class EventWait(Wait):
         return f"the event {self.name} of {self.source}"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MessageWait(Wait):
     """Waits for messages.
 
@@ -77,7 +78,7 @@ class First(NamedTuple):
     value: Any
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Several(Wait):
     """Waits for any or all of several.
 

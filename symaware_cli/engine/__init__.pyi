@@ -90,8 +90,12 @@ from .runtime.state.capture import return_to as return_to
 from .runtime.state.simulation_state import LARGEST_STATE as LARGEST_STATE
 from .runtime.state.simulation_state import SimulationState as SimulationState
 from .runtime.state.state_mark import StateMark as StateMark
+from .runtime.target_parameters import AgentParameters as AgentParameters
+from .runtime.target_parameters import ComponentParameters as ComponentParameters
+from .runtime.timing import NO_TIME as NO_TIME
 from .runtime.timing import Coast as Coast
 from .runtime.timing import Moment as Moment
+from .runtime.timing import NoTime as NoTime
 from .runtime.timing import OnFailure as OnFailure
 from .runtime.timing import PresenceInterval as PresenceInterval
 from .runtime.timing import Timing as Timing

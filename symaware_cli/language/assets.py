@@ -4,14 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from symaware_cli.assets import asset
-from symaware_cli.core import Entity, Environment, Mesh, Mjcf, Obstacle, Urdf, WorldError
+from symaware_cli.core import Environment, Mesh, WorldError
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ScenarioDocument
 from symaware_cli.language.problem import quoted
 from symaware_cli.language.source import Path
+
+if TYPE_CHECKING:
+    from symaware_cli.core import Entity, Mjcf, Obstacle, Urdf
 
 Parameters = Mapping[Path, Mapping[str, Any]]
 

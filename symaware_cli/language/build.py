@@ -5,15 +5,15 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from symaware_cli.assets.asset import AssetFolders
 from symaware_cli.core import AgentGroup, Environment, Links, Plugin, WorldError, nanoseconds
-from symaware_cli.engine import ComponentEntry, Network, RunError, RunOptions, Simulation, Topology
+from symaware_cli.engine import ComponentEntry, RunError, RunOptions, Simulation
 from symaware_cli.language.assets import asset_folders, assets, check_assets
 from symaware_cli.language.body_check import check_bodies
 from symaware_cli.language.capable_worlds import expected_world, with_other_worlds
@@ -21,10 +21,9 @@ from symaware_cli.language.catalogue import Catalogue
 from symaware_cli.language.changes import Changes
 from symaware_cli.language.compose import Composition, CompositionError, compose
 from symaware_cli.language.diagnosis import Diagnosis
-from symaware_cli.language.document import ScenarioDocument, TopologyUse, document_of
+from symaware_cli.language.document import ScenarioDocument, document_of
 from symaware_cli.language.free_places import FreeRoom, around
 from symaware_cli.language.group_builder import GroupBuilder, is_placed
-from symaware_cli.language.network_builder import NetworkBuilder
 from symaware_cli.language.own_plugins import with_own_plugins
 from symaware_cli.language.parts import check_omitted
 from symaware_cli.language.plugin_factory import PluginFactory, mapping, topologies, words
@@ -37,6 +36,11 @@ from symaware_cli.language.section_builder import SectionBuilder
 from symaware_cli.language.source import Path
 from symaware_cli.language.timing_check import TimingCheck
 from symaware_cli.language.validation import validate
+from symaware_cli.world import record
+
+if TYPE_CHECKING:
+    from symaware_cli.engine import Network, Topology
+    from symaware_cli.language.topology_section import TopologyUse
 
 #: The greatest number of steps; more are taken for a mistake: at a million steps per second they take 17 minutes.
 _MOST_STEPS = 10**9
@@ -45,7 +49,7 @@ _MOST_STEPS = 10**9
 _INDEPENDENT = ("faults", "specifications")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Built:
     """A valid scenario, built and ready to run.
 
@@ -326,13 +330,16 @@ class _SimulationBuilder:
         installed = factory.installed_kinds if data.get("faults") else []
         sections = factory.installed_sections
         try:
-            document = self._validated(document_of(factory.kinds, installed, sections), data)
+            document = self._validated(document_of(factory.kinds, installed, sections, data), data)
         except Exception:
             if not factory.exclude_failing_kinds(data):
                 raise
-            document = self._validated(document_of(factory.kinds, installed, sections), data)
-        if isinstance(document, list) and any(is_inside(problem.path, "faults") for problem in document):
-            document = self._validated(document_of(factory.all_kinds(), installed, sections), data)
+            document = self._validated(document_of(factory.kinds, installed, sections, data), data)
+        if isinstance(document, list):
+            # Messages are about the whole model: they name other keys, and where else a key is valid.
+            has_wrong_faults = any(is_inside(problem.path, "faults") for problem in document)
+            kinds = factory.all_kinds() if has_wrong_faults else factory.kinds
+            document = self._validated(document_of(kinds, installed, sections), data)
         return document
 
     def _validated(self, model: type[ScenarioDocument], data: Mapping[str, Any]) -> ScenarioDocument | list[Problem]:
@@ -389,6 +396,8 @@ class _SimulationBuilder:
         groups: Sequence[AgentGroup],
     ) -> tuple[Network | None, Links | None]:
         """Return the network, None after a problem; and its links if they are fixed."""
+        from symaware_cli.language.network_builder import NetworkBuilder
+
         builder = NetworkBuilder(self._diagnosis, environment, groups, document.seed)
         network = builder.build(use, topologies, narrowed=self._narrowed)
         if network is None:

@@ -5,21 +5,31 @@ Editors show the descriptions, so each states its unit.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from functools import cache
-from typing import Annotated, Any, Literal, Self
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import ConfigDict, Field, WithJsonSchema, create_model, model_validator
 
-from symaware_cli.core import Entity, Obstacle
-from symaware_cli.core.identifiers import AGENTS, Name, Target
-from symaware_cli.engine import ChannelParameters, Fault
-from symaware_cli.geometry import Length, Region
-from symaware_cli.language.fault_section import FaultUse, use_of
-from symaware_cli.language.scenario_section import ScenarioSection
-from symaware_cli.language.section import Condition, Identifier, Section, TriggerSection, Use
-from symaware_cli.language.specification_section import SpecificationUse
-from symaware_cli.world import Latency, Seconds
+from symaware_cli.core import Entity
+from symaware_cli.core.identifiers import Name
+from symaware_cli.language.section import Identifier, Section, TriggerSection, Use
+
+if TYPE_CHECKING:
+    from symaware_cli.core import Obstacle
+    from symaware_cli.engine import Fault
+    from symaware_cli.geometry import Region
+    from symaware_cli.language.fault_section import FaultUse
+    from symaware_cli.language.presence_section import Presence
+    from symaware_cli.language.scenario_section import ScenarioSection
+    from symaware_cli.language.specification_section import SpecificationUse
+    from symaware_cli.language.topology_section import TopologyUse
+    from symaware_cli.world import Latency
+else:
+    # What few scenarios have is imported and built for these alone: see `_type_of`.
+    FaultUse = Latency = Obstacle = Presence = Region = SpecificationUse = TopologyUse = Any
+
+AnySection = TypeVar("AnySection", bound=Section)
 
 #: The version of the format that this package reads.
 FORMAT = 1
@@ -143,40 +153,6 @@ class RunSection(Section):
     )
 
 
-_MOMENT = "a time [s], a condition, or an event: {event: ..., of: ...}"
-
-
-class PresenceSpan(Section):
-    """The interval in which an agent is in the world."""
-
-    from_: Latency | Condition | TriggerSection | None = Field(
-        None,
-        alias="from",
-        description=f"When it enters, in its initial state: {_MOMENT}; or a distribution, from which the time of each "
-        f"agent is drawn. Conditions are about the world, like `run.until`. By default it is there from the beginning.",
-    )
-    apart: Length | None = Field(
-        None,
-        description="Least distance of other agents when it enters, between positions [m]; it waits until they are "
-        "that far away. By default it enters without regard to others.",
-    )
-    until: Seconds | Condition | TriggerSection | None = Field(
-        None,
-        description=f"When it leaves: {_MOMENT}. Conditions are about the agent, like "
-        f"those of components: `position[0] > 10`. By default it stays.",
-    )
-
-
-class Presence(PresenceSpan):
-    """When an agent is in the world; before and afterwards it is absent."""
-
-    again: list[PresenceSpan] = Field(
-        default_factory=list,
-        max_length=1000,
-        description="When it returns after it has left, one after the other, to where it left. By default never.",
-    )
-
-
 class GroupSection(Section):
     """A group: agents that share body, model and components."""
 
@@ -203,47 +179,6 @@ class GroupSection(Section):
     )
     components: dict[Name, ComponentUse] = Field(
         default_factory=dict, description="The components by name; their order is the order of execution."
-    )
-
-
-class LinkUse(Section):
-    """Links with their own channel."""
-
-    sender: Target = Field("*", description=AGENTS)
-    receiver: Target = Field("*", description=AGENTS)
-    channel: ChannelParameters = Field(description="The differences from the channel of all links.")
-
-
-class TopologyChange(Use):
-    """A topology that replaces the present one at some time."""
-
-    at: float = Field(gt=0, le=1e9, description="When [s].")
-
-
-class TopologyUse(Use):
-    """The communication topology: which agents can send messages to which others, and over what channels."""
-
-    channel: ChannelParameters = Field(default_factory=ChannelParameters, description="The channel of every link.")
-    links: list[LinkUse] = Field(
-        default_factory=list,
-        max_length=10_000,
-        description="Links with their own channel; if several apply to a link, the later one takes precedence.",
-    )
-    changes: list[TopologyChange] = Field(
-        default_factory=list,
-        max_length=10_000,
-        description="Other topologies that replace this one later, in order of time.",
-    )
-    repeat: float | None = Field(
-        None,
-        gt=0,
-        le=1e9,
-        description="Period after which the sequence of topologies repeats [s]. By default it does not repeat.",
-    )
-    connected: bool = Field(
-        False,
-        description="Whether every agent must reach every other, directly or through others: a fixed "
-        "topology that violates this is refused; for a changing one the log records violations.",
     )
 
 
@@ -339,10 +274,85 @@ class ScenarioDocument(Section):
         return self
 
 
+def _type_of(field: str) -> Any:
+    """Import the type of a field that few scenarios have."""
+    match field:
+        case "latency":
+            from symaware_cli.world import Latency
+
+            return Latency
+        case "entities":
+            from symaware_cli.core import Obstacle
+
+            return dict[Name, Obstacle]
+        case "present":
+            from symaware_cli.language.presence_section import Presence
+
+            return Presence | list[Presence] | None
+        case "topology":
+            from symaware_cli.language.topology_section import TopologyUse
+
+            return TopologyUse | None
+        case "faults":
+            from symaware_cli.language.fault_section import FaultUse
+
+            return dict[Name, FaultUse]
+        case "regions":
+            from symaware_cli.geometry import Region
+
+            return dict[Identifier, Region]
+        case "specifications":
+            from symaware_cli.language.specification_section import SpecificationUse
+
+            return dict[Name, SpecificationUse]
+    raise ValueError(field)
+
+
+#: The fields that `_type_of` has the types of, by the section that has them.
+_OPTIONAL: Mapping[type[Section], Collection[str]] = {
+    ComponentUse: ("latency",),
+    EnvironmentUse: ("entities",),
+    GroupSection: ("present",),
+    ScenarioDocument: ("topology", "faults", "regions", "specifications"),
+}
+
+
+def _optional_fields(data: Mapping[str, Any] | None) -> frozenset[str]:
+    """Return the optional fields that a document has anywhere; all without a document."""
+    groups = _entries([data or {}], "agents")
+    sections = {
+        ComponentUse: _entries(groups, "components"),
+        EnvironmentUse: [(data or {}).get("environment")],
+        GroupSection: groups,
+        ScenarioDocument: [data],
+    }
+    return frozenset(
+        name
+        for section, names in _OPTIONAL.items()
+        for name in names
+        if data is None or any(isinstance(each, Mapping) and name in each for each in sections[section])
+    )
+
+
+def _entries(sections: Iterable[Any], key: str) -> list[Any]:
+    """Return the entries of a mapping that each of some sections may have."""
+    found = (section.get(key) for section in sections if isinstance(section, Mapping))
+    return [entry for each in found if isinstance(each, Mapping) for entry in each.values()]
+
+
+def _changed(section: type[AnySection], types: Mapping[str, Any], **added: Any) -> type[AnySection]:
+    """Return a section in which some fields have other types, and with further fields."""
+    if not types and not added:
+        return section
+    fields: dict[str, Any] = {name: (form, section.model_fields[name]) for name, form in types.items()}
+    return create_model(section.__name__, __base__=section, __doc__=section.__doc__, **fields, **added)
+
+
 def document_of(
     faults: Mapping[str, type[Fault] | None],
     installed_faults: Collection[str],
     sections: Mapping[str, type[ScenarioSection] | None],
+    data: Mapping[str, Any] | None = None,
 ) -> type[ScenarioDocument]:
     """Return the model of scenarios with faults of some kinds, and with sections that plugins add.
 
@@ -350,8 +360,11 @@ def document_of(
         faults: See `use_of`.
         installed_faults: See `use_of`.
         sections: The classes of all sections that are installed, by key; None for one whose content is not checked.
+        data: A document whose fields alone have their types in the model, which then is built faster, but is no model
+            of other documents; None for all fields.
     """
-    return _document_of(tuple(faults.items()), tuple(installed_faults), tuple(sections.items()))
+    chosen = tuple(section for section in sections.items() if data is None or section[0] in data)
+    return _document_of(tuple(faults.items()), tuple(installed_faults), chosen, _optional_fields(data))
 
 
 @cache
@@ -359,17 +372,25 @@ def _document_of(
     faults: tuple[tuple[str, type[Fault] | None], ...],
     installed_faults: tuple[str, ...],
     sections: tuple[tuple[str, type[ScenarioSection] | None], ...],
+    optional: frozenset[str],
 ) -> type[ScenarioDocument]:
-    fields: dict[str, Any] = {}
+    types: dict[type[Section], dict[str, Any]] = {
+        section: {name: _type_of(name) for name in names if name in optional} for section, names in _OPTIONAL.items()
+    }
+    if types[ComponentUse]:
+        types[GroupSection]["components"] = dict[Name, _changed(ComponentUse, types[ComponentUse])]  # type: ignore[misc]
+    if types[GroupSection]:
+        types[ScenarioDocument]["agents"] = dict[Name, _changed(GroupSection, types[GroupSection])]  # type: ignore[misc]
+    if types[EnvironmentUse]:
+        types[ScenarioDocument]["environment"] = _changed(EnvironmentUse, types[EnvironmentUse])
     if faults:
-        use: Any = use_of(dict(faults), installed_faults)
-        described = ScenarioDocument.model_fields["faults"].description
-        fields["faults"] = (dict[Name, use], Field(default_factory=dict, description=described))
-    for key, section in sections:
-        fields[key] = (
-            (Any, Field(None, description="A section that a plugin adds."))
-            if section is None
-            else (section.form, section.field())
-        )
-    about = ScenarioDocument.__doc__
-    return create_model("ScenarioDocument", __base__=ScenarioDocument, __doc__=about, **fields)
+        from symaware_cli.language.fault_section import use_of
+
+        types[ScenarioDocument]["faults"] = dict[Name, use_of(dict(faults), installed_faults)]  # type: ignore[misc]
+    added = {
+        key: (Any, Field(None, description="A section that a plugin adds."))
+        if section is None
+        else (section.form, section.field())
+        for key, section in sections
+    }
+    return _changed(ScenarioDocument, types[ScenarioDocument], **added)

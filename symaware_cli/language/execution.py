@@ -131,9 +131,9 @@ def _recorder(
 
 def _attach(writer: LogWriter, built: Built, part: Mapping[str, Any] | None) -> Sequence[str]:
     """Attach everything needed to read the log and to repeat the run; return notes on omitted geometry."""
-    from symaware_cli.log import GeometryWriter, manifest_of
+    from symaware_cli.log import manifest_of
 
-    document = built.document
+    document, environment = built.document, built.simulation.environment
     writer.attach(
         "manifest.json",
         "application/json",
@@ -142,7 +142,7 @@ def _attach(writer: LogWriter, built: Built, part: Mapping[str, Any] | None) -> 
             seed=document.seed,
             mode=document.run.mode,
             steps=built.steps,
-            environment=built.simulation.environment,
+            environment=environment,
             groups=built.simulation.groups,
             uses=built.uses,
             indexed={name: agents.count is not None for name, agents in document.agents.items()},
@@ -162,8 +162,14 @@ def _attach(writer: LogWriter, built: Built, part: Mapping[str, Any] | None) -> 
     for group in built.simulation.groups:
         for name, content in group.model.attachments().items():
             writer.attach(f"agents.{group.name}.model/{name}", "application/octet-stream", content)
-    geometry = GeometryWriter(built.simulation.environment, built.files)
-    for name, (media_type, content) in geometry.attachments.items():
-        writer.attach(name, media_type, content)
+    notes: Sequence[str] = ()
+    # Without either, the manifest describes the appearance of all bodies.
+    if environment.ground is not None or environment.articulations():
+        from symaware_cli.log import GeometryWriter
+
+        geometry = GeometryWriter(environment, built.files)
+        notes = geometry.notes
+        for name, (media_type, content) in geometry.attachments.items():
+            writer.attach(name, media_type, content)
     writer.attach("versions.json", "application/json", json.dumps(versions(), indent=1).encode())
-    return geometry.notes
+    return notes

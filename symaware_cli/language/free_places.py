@@ -13,15 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, Field
 
-from symaware_cli.core import Obstacle
-from symaware_cli.geometry import LARGEST, Number, Region, RegionShape, Scenery
+from symaware_cli.geometry import LARGEST, Number, Scenery
 from symaware_cli.language.problem import quoted
-from symaware_cli.language.scenario_section import InitialAgents
 from symaware_cli.language.section import Section
 from symaware_cli.language.source import Path
 from symaware_cli.world import GroupChance, agent_numbers
 
 if TYPE_CHECKING:
+    from symaware_cli.core import Obstacle
+    from symaware_cli.geometry import Region, RegionShape
+    from symaware_cli.language.scenario_section import InitialAgents
     from symaware_cli.specification import PlacedRegion
 
 Array = NDArray[np.float64]

@@ -7,16 +7,16 @@ template names the group as well.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
 from symaware_cli.language.merge_patch import merge
 from symaware_cli.language.problem import nearest, quoted
 from symaware_cli.language.source import MAX_NODES, MappingEntry, Path, Source, SourceNode, report_nodes
+from symaware_cli.world import record
 
 TEMPLATES, LIKE = "templates", "like"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Likeness:
     """The templates of a group.
 

@@ -17,10 +17,10 @@ from symaware_cli.engine import (
     links_of,
 )
 from symaware_cli.language.diagnosis import Diagnosis
-from symaware_cli.language.document import LinkUse, TopologyUse
 from symaware_cli.language.plugin_factory import words
 from symaware_cli.language.problem import dotted, nearest, quoted
 from symaware_cli.language.source import Path
+from symaware_cli.language.topology_section import LinkUse, TopologyUse
 from symaware_cli.world import listed
 
 _SECTION: Path = ("topology",)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path as FilePath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel
 
 from symaware_cli.core import GroupComponent, Plugin
-from symaware_cli.engine import TIMES, Fault
+from symaware_cli.engine import TIMES
 from symaware_cli.entry_points import PluginError
 from symaware_cli.language.catalogue import Catalogue
 from symaware_cli.language.diagnosis import Diagnosis, leaves_of
@@ -19,6 +19,9 @@ from symaware_cli.language.scenario_section import SECTION
 from symaware_cli.language.source import Path
 from symaware_cli.language.validation import validate
 from symaware_cli.world import FARTHEST, code_position, describe
+
+if TYPE_CHECKING:
+    from symaware_cli.engine import Fault
 
 
 class PluginFactory:

@@ -10,7 +10,8 @@ import numpy as np
 
 from symaware_cli.core import AgentGroup, Environment, nanoseconds
 from symaware_cli.engine import ComponentEntry, ConditionScope, Moment, PresenceInterval
-from symaware_cli.language.document import GroupSection, Presence, PresenceSpan
+from symaware_cli.language.document import GroupSection
+from symaware_cli.language.presence_section import Presence, PresenceSpan
 from symaware_cli.language.problem import quoted
 from symaware_cli.language.section import TriggerSection
 from symaware_cli.language.source import Path

@@ -2,9 +2,9 @@
 
 import unicodedata
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 
-from symaware_cli.world import counted
+from symaware_cli.world import counted, record
 from symaware_cli.world import nearest as nearest
 from symaware_cli.world import quoted as quoted
 
@@ -15,7 +15,7 @@ _TAB = "    "
 _BOLD, _RED, _DIM, _RESET = "\x1b[1m", "\x1b[31m", "\x1b[2m", "\x1b[0m"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class TextSpan:
     """A part of one line of a file.
 
@@ -32,7 +32,7 @@ class TextSpan:
     end_column: int
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Problem:
     """One problem.
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import copy
 import difflib
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,10 +29,12 @@ from symaware_cli.world import (
     RANDOM,
     GroupChance,
     Seed,
-    VectorDistribution,
     agent_numbers,
     is_within,
 )
+
+if TYPE_CHECKING:
+    from symaware_cli.world import VectorDistribution
 
 Array = NDArray[np.float64]
 
@@ -357,7 +359,7 @@ class Sampler:
                 columns[:, number] = one
                 continue
             distribution = self._known.get((*path, number))
-            if not isinstance(distribution, VectorDistribution) or distribution.choice or distribution.elements:
+            if distribution is None or distribution.choice or distribution.elements:
                 return None
             unit = self._shared_units(distribution, (*path, number, distribution.form), 1)
             columns[:, number] = _of_units(distribution, unit)[:, 0]
@@ -387,6 +389,8 @@ class Sampler:
 
     def _distribution(self, value: Mapping[str, Any], kind: str, path: Path) -> VectorDistribution | None:
         """Check a distribution; None after a problem."""
+        from symaware_cli.world import VectorDistribution
+
         found = validate(VectorDistribution, value, self._composition, path)
         if isinstance(found, list):
             self.problems += [problem for problem in found if problem not in self.problems]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import AgentGroup, EntryView, Environment, Links, Plugin, ScenarioView
@@ -14,13 +13,13 @@ from symaware_cli.language.document import ScenarioDocument
 from symaware_cli.language.plugin_factory import mapping, words
 from symaware_cli.language.problem import quoted
 from symaware_cli.language.source import Path
-from symaware_cli.world import ParameterError
+from symaware_cli.world import ParameterError, record
 
 if TYPE_CHECKING:
     from symaware_cli.specification import Specification
 
 
-@dataclass(frozen=True)
+@record
 class ScenarioFacts:
     """The parts of a scenario that plugins can check; see `ScenarioView`."""
 

@@ -7,26 +7,29 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path as FilePath
-from typing import Any, ClassVar, get_origin
+from typing import TYPE_CHECKING, Any, ClassVar, get_origin
 
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field
 
 from symaware_cli.assets import AssetFolders
-from symaware_cli.core import Obstacle, Plugin
+from symaware_cli.core import Plugin
 from symaware_cli.engine import Simulation
-from symaware_cli.geometry import Region
 from symaware_cli.language.problem import Problem
 from symaware_cli.language.section import Section
 from symaware_cli.language.source import Path
-from symaware_cli.language.specification_section import SpecificationUse
-from symaware_cli.world import PluginKind
+from symaware_cli.world import PluginKind, record
+
+if TYPE_CHECKING:
+    from symaware_cli.core import Obstacle
+    from symaware_cli.geometry import Region
+    from symaware_cli.language.specification_section import SpecificationUse
 
 
-@dataclass(frozen=True)
+@record
 class Additions:
     """The additions of a section to its scenario.
 

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from symaware_cli.assets import AssetFolders
-from symaware_cli.core import Obstacle, Plugin
-from symaware_cli.engine import Simulation
-from symaware_cli.geometry import Region
+from symaware_cli.core import Plugin
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ScenarioDocument
 from symaware_cli.language.plugin_factory import PluginFactory, mapping, words
 from symaware_cli.language.problem import Problem, quoted
 from symaware_cli.language.scenario_section import Additions, InitialAgents, ScenarioSection, SectionContext
 from symaware_cli.language.source import Path
+
+if TYPE_CHECKING:
+    from symaware_cli.core import Obstacle
+    from symaware_cli.engine import Simulation
+    from symaware_cli.geometry import Region
 
 
 class SectionBuilder:

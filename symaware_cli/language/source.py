@@ -7,10 +7,10 @@ limits the size of the file, its nesting and the number of values in it.
 import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any, NamedTuple, TypeAlias
 
 from symaware_cli.language.problem import Problem, TextSpan, dotted
+from symaware_cli.world import record
 
 Path: TypeAlias = tuple[str | int, ...]
 Scalar: TypeAlias = str | int | float | bool | None
@@ -27,7 +27,7 @@ LINE_BREAK = re.compile(r"\r\n|\n|\r")
 _FORBIDDEN = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff\ufffe\uffff]")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MappingEntry:
     """A key's position and its value."""
 

@@ -18,16 +18,16 @@ from symaware_cli.core import (
 )
 from symaware_cli.core.component import BaseComponent, may_wait
 from symaware_cli.core.event import RECURRING, TURNS
-from symaware_cli.engine import ComponentEntry, Timing, Trigger
+from symaware_cli.engine import NO_TIME, ComponentEntry, NoTime, Timing, Trigger
 from symaware_cli.language.diagnosis import Diagnosis
 from symaware_cli.language.document import ComponentUse, RunSection
 from symaware_cli.language.problem import nearest, quoted
 from symaware_cli.language.source import Path
-from symaware_cli.world import duration_of
 
 if TYPE_CHECKING:
     from symaware_cli.specification import Names
     from symaware_cli.specification.expression import Expression
+    from symaware_cli.world import ProbabilityDistribution
 
 #: Events of the targets of faults.
 FAULT_EVENTS = frozenset({"fault", "fault-over"})
@@ -112,7 +112,7 @@ class TimingCheck:
         if use.trigger is not None and period is None and (offset or jitter):
             key = "offset" if offset else "jitter"
             self._wrong(path, key, f"{quoted(key)} needs a period, but there is only a trigger", "a period")
-        latency = duration_of(use.latency)
+        latency = _duration(use.latency)
         if not latency.is_zero and component.async_compute_and_update is not Component.async_compute_and_update:
             self._wrong(
                 path,
@@ -257,3 +257,13 @@ def trigger_of(event: str, of: str | None) -> Trigger:
     if of in ("environment", "run", "topology", "exchange", "faults") or any(sign in of for sign in ".*?["):
         return Trigger(event, source=of)
     return Trigger(event, component=of)
+
+
+def _duration(latency: float | ProbabilityDistribution) -> ProbabilityDistribution | NoTime:
+    """Return the duration of a latency [s]."""
+    if not latency:
+        return NO_TIME
+    from symaware_cli.world import duration_of
+
+    duration = duration_of(latency)
+    return NO_TIME if duration.is_zero else duration

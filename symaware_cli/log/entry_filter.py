@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 
 from symaware_cli.log.error import UnknownNameError
 from symaware_cli.log.logged_events import Communication, LoggedContact, LoggedEvent
 from symaware_cli.log.reader import Log
+from symaware_cli.world import record
 
 LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR")
 """The levels of events, in ascending order of severity."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class EntryFilter:
     """Criteria for entries; those left out do not restrict. In patterns, ``*`` matches any text.
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from itertools import zip_longest
-from typing import get_args
+from typing import TYPE_CHECKING, get_args
 
-from symaware_cli.awareness import MEASUREMENT, Kind
-from symaware_cli.core import PARTS, Part, Quantity, Signal
-from symaware_cli.log.index import ChannelInfo
+from symaware_cli.awareness import MEASUREMENT, PARTS, Kind, Part, Signal
+from symaware_cli.world import Quantity
+
+if TYPE_CHECKING:
+    from symaware_cli.log.index import ChannelInfo
 
 SIGNAL_MESSAGES: Mapping[Kind, str] = {"vector": "Rows", "series": "SeriesRows", "table": "TableRows"}
 """The message type of the channel of a part or a signal, by its kind."""

@@ -6,16 +6,19 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from symaware_cli.assets import MEDIA_TYPES, AssetError, parse_mesh, stl
 from symaware_cli.core import Environment
-from symaware_cli.geometry import Articulation, Link, Visual, rotated
+from symaware_cli.geometry import Articulation, Visual, rotated
 from symaware_cli.log.error import LogError
 from symaware_cli.log.json_text import read_json
 from symaware_cli.log.log_schema import GEOMETRY
+
+if TYPE_CHECKING:
+    from symaware_cli.geometry import Link
 
 #: Maximum size of a mesh, and of all meshes together [bytes]; a mesh beyond is replaced by its bounding box.
 LARGEST = 16 << 20

@@ -28,6 +28,7 @@ from mcap.records import (
 )
 
 from symaware_cli.log.log_schema import CHUNK_SIZE, LARGEST_CHUNK, LIBRARY, MAGIC, PROFILE
+from symaware_cli.world import record
 
 FRAME = struct.Struct("<BQ")
 """The head of a record: opcode and length."""
@@ -50,7 +51,7 @@ class Unsound(Exception):  # noqa: N818 (never leaves this folder)
     """A record is damaged or malformed."""
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ChannelInfo:
     """One channel of a log.
 
@@ -81,7 +82,7 @@ class ChannelInfo:
         return self.encoding == "protobuf" and self.schema == f"symaware.v1.{message_name}"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MessageRange:
     """A range of the file that holds messages: a chunk record, or consecutive records outside chunks.
 

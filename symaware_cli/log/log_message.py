@@ -1,7 +1,6 @@
 """Messages of a log: reading them from records, and decoding them."""
 
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ from symaware_cli.log.consistency import require_consistent
 from symaware_cli.log.error import LogError
 from symaware_cli.log.index import FRAME, LAST_TIME, MESSAGE, ChannelInfo, Unsound, frames
 from symaware_cli.log.log_schema import MESSAGES
+from symaware_cli.world import record
 
 _DECODERS: dict[str, Callable[[bytes], Any]] = {
     message.DESCRIPTOR.full_name: message.FromString for message in MESSAGES.values()
@@ -24,7 +24,7 @@ _DECODERS: dict[str, Callable[[bytes], Any]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RawMessage:
     """A message as stored in the file."""
 
@@ -81,7 +81,7 @@ def message_positions(data: bytes) -> dict[int, list[int]]:
     return positions
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LogMessage:
     """A message of a log.
 

@@ -1,19 +1,19 @@
 """Beliefs of one agent about another over time, assembled from the awareness messages of a log."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import KW_ONLY
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.log import others_message
 from symaware_cli.log.series import Prediction, Series, row_position
-from symaware_cli.world import motion_quantities
+from symaware_cli.world import motion_quantities, record
 
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@record
 class LoggedBeliefs(Series):
     """The beliefs of an agent about another over simulated time, (k, columns); NaN while it knew nothing of it.
 
@@ -23,6 +23,7 @@ class LoggedBeliefs(Series):
         series: Beliefs about each time series of the other, such as ``intent``, at each instant of recording.
     """
 
+    _: KW_ONLY
     covariances: Array
     ages: Array
     series: Mapping[str, Sequence[Prediction]]

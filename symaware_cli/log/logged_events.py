@@ -1,19 +1,20 @@
 """Entries of a log: events, messages between agents, contacts and knowledge."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 import numpy as np
 
 from symaware_cli.log.json_text import read_json
+from symaware_cli.world import record
 
 #: The topics of messages between agents. Earlier versions wrote a `Message` for each on the first, and `MessageColumns`
 #: for groups on the second; now all are `MessageColumns` on the first.
 MESSAGES = ("/messages", "/messages/columns")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LoggedEvent:
     """An event.
 
@@ -39,7 +40,7 @@ class LoggedEvent:
         return self.time / 1e9
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Communication:
     """A stage in the life of a message between agents.
 
@@ -73,7 +74,7 @@ class Communication:
         return self.time - self.sent_time
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LoggedContact:
     """The beginning or end of a contact between two bodies.
 
@@ -96,7 +97,7 @@ class LoggedContact:
     impulse: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LoggedKnowledge:
     """The knowledge of an agent from a time on.
 

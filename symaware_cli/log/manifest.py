@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from symaware_cli.core import AgentGroup, Environment
 from symaware_cli.log.json_text import read_json
 from symaware_cli.log.log_schema import FORMAT
+
+if TYPE_CHECKING:
+    from symaware_cli.core import AgentGroup, Environment
 
 
 def read_manifest(content: bytes) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from symaware_cli.core import PARTS
+from symaware_cli.awareness import PARTS
 
 TOPICS = {
     "world": "/world/{}/state",

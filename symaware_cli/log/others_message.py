@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,9 +21,10 @@ from symaware_cli.log.wire import (
     text_field,
     varint,
 )
+from symaware_cli.world import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class OthersSeries:
     """The series, such as intents, that rows hold of others: for each row in the message, all series of a part.
 
@@ -59,7 +59,7 @@ class OthersSeries:
             point, number = point + count, number + width * count
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class KnownOthers:
     """Beliefs about others in columns, one entry for each row and other.
 
@@ -84,7 +84,7 @@ class KnownOthers:
     covariances: NDArray[np.float64] | None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Awareness:
     """The beliefs of each row about others.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from array import array
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from symaware_cli.log import symaware_v1_pb2 as v1
 from symaware_cli.log.json_text import read_json
 from symaware_cli.log.names import INPUTS
 from symaware_cli.log.reader import Log
+from symaware_cli.world import record
 
 if TYPE_CHECKING:
     from symaware_cli.specification import Outcome
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 _GAP = 1.5
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Gap:
     """An interval of simulated time in which an otherwise regular channel has no message.
 
@@ -35,7 +36,7 @@ class Gap:
     until: float
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ChannelOverview:
     """Overview of a channel.
 
@@ -62,7 +63,7 @@ class ChannelOverview:
     gaps: tuple[Gap, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Overview:
     """Overview of a log.
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import PARTS, Part, Signal
+from symaware_cli.awareness import PARTS, Part, Signal
 from symaware_cli.log import logged_events
 from symaware_cli.log.error import LogError, UnknownNameError
 from symaware_cli.log.fields import signal_topic, signals_of

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from symaware_cli.core import AgentGroup, Frame, Reading, Scan
 from symaware_cli.log import png
 from symaware_cli.log import symaware_v1_pb2 as v1
-from symaware_cli.log.writer import LogWriter, Message
+from symaware_cli.world import Frame, Reading, Scan, record
+
+if TYPE_CHECKING:
+    from symaware_cli.core import AgentGroup
+    from symaware_cli.log.writer import LogWriter, Message
 
 Array = NDArray[np.float64]
 
@@ -108,7 +110,7 @@ def _images(frame: Frame, own: Sequence[int] | None) -> Iterator[bytes]:
             yield record.SerializeToString(deterministic=True)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LoggedReading:
     """The reading of a sensor of one agent.
 
@@ -125,7 +127,7 @@ class LoggedReading:
     sensor: str
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LoggedScan(LoggedReading):
     """The scan of a lidar of one agent.
 
@@ -147,7 +149,7 @@ class LoggedScan(LoggedReading):
         return hits(self.angles, self.distances, self.pose)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LoggedImage(LoggedReading):
     """An image of a camera.
 

@@ -1,7 +1,6 @@
 """Series of values over simulated time, assembled from the messages of a channel."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -9,9 +8,10 @@ from numpy.typing import NDArray
 
 from symaware_cli.log import wire
 from symaware_cli.log.error import UnknownNameError
+from symaware_cli.world import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Series:
     """Values over simulated time.
 
@@ -45,7 +45,7 @@ class Series:
         return found
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Prediction:
     """A prediction that an agent set at one instant: its intent, uncertainty or risk in the future.
 
@@ -60,7 +60,7 @@ class Prediction:
     values: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LoggedTable:
     """A table that a component produced for an agent at one instant.
 

@@ -6,12 +6,15 @@ import json
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 from symaware_cli.log import wire
 from symaware_cli.log.error import LogError
 from symaware_cli.log.index import ChannelInfo
 from symaware_cli.log.json_text import read_json
-from symaware_cli.log.log_message import LogMessage
+
+if TYPE_CHECKING:
+    from symaware_cli.log.log_message import LogMessage
 
 POSE = {"columns": "x,y,z,qx,qy,qz,qw", "units": "m,m,m,1,1,1,1"}
 """The metadata of a channel of poses in space."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -15,9 +14,10 @@ from symaware_cli.log import symaware_v1_pb2 as v1
 from symaware_cli.log.index import ChannelInfo
 from symaware_cli.log.logged_events import LoggedEvent
 from symaware_cli.log.wire import CODE, FLOAT, INDEX, TIME, packed
-from symaware_cli.log.writer import LogWriter
+from symaware_cli.world import record
 
 if TYPE_CHECKING:
+    from symaware_cli.log.writer import LogWriter
     from symaware_cli.specification import Outcome, SpecificationMonitor
 
 #: The topic of a specification.
@@ -175,7 +175,7 @@ def _rows(metadata: Mapping[str, str]) -> tuple[tuple[str, ...], ...]:
     return tuple(map(tuple, found))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LoggedSpecification:
     """A specification in a log.
 

@@ -10,7 +10,6 @@ Rows are indices in a group, ascending; `None` stands for every row in order.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
@@ -19,6 +18,7 @@ from google.protobuf.message import Message
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.log import symaware_v1_pb2 as v1
+from symaware_cli.world import record
 
 CODE = np.dtype("u1")
 FLOAT = np.dtype("<f8")
@@ -174,7 +174,7 @@ def table_of(values: ArrayLike) -> NDArray[Any]:
     return table
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Rows:
     """A value for each row.
 
@@ -187,7 +187,7 @@ class Rows:
     values: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SeriesRows:
     """A time series for each row.
 
@@ -225,7 +225,7 @@ class SeriesRows:
         return self.times[start:end], self.values[start:end]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class TableRows:
     """A table for each row.
 

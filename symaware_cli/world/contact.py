@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from symaware_cli.world.records import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Contact:
     """Two bodies that begin or cease to touch.
 

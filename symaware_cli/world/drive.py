@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from symaware_cli.world.records import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Drive:
     """How exactly the body of an agent follows the velocity of its model, as long as nothing touches it.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple, Protocol
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,16 +12,10 @@ from numpy.typing import NDArray
 from symaware_cli.geometry import compiled
 from symaware_cli.world.entity import Entity
 from symaware_cli.world.plugin import Plugin
+from symaware_cli.world.quantity import Quantity
 from symaware_cli.world.step_simulator import StepSimulator
 
 Array = NDArray[np.float64]
-
-
-class Quantity(NamedTuple):
-    """One element of a state or control input."""
-
-    name: str
-    unit: str
 
 
 def columns(rows: Array) -> Array:

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from symaware_cli.world.arrays import real
-from symaware_cli.world.model import Model, Quantity
+from symaware_cli.world.quantity import Quantity
+
+if TYPE_CHECKING:
+    from symaware_cli.world.model import Model
 
 Array = NDArray[np.float64]
 

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import inspect
-from dataclasses import dataclass
 from typing import Any
 
 from pydantic import BaseModel
 
 from symaware_cli.world.plugin import Plugin
+from symaware_cli.world.records import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PluginKind:
     """A kind of plugin. It is declared beside the base class of its plugins.
 

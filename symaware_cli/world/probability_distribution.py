@@ -18,16 +18,13 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
+from symaware_cli.world.distribution_forms import RANDOM
 from symaware_cli.world.number_range import LISTED, expanded
 from symaware_cli.world.plugin import Parameters
-from symaware_cli.world.time import nanoseconds
+from symaware_cli.world.time import LONGEST, nanoseconds
 
 Array = NDArray[np.float64]
 Part = TypeVar("Part")
-
-#: The forms of a distribution, of which each has exactly one, and what may stand beside them.
-RANDOM = ("uniform", "normal", "lognormal", "loguniform", "exponential", "choice")
-MODIFIERS = ("weights", "constant", "least", "greatest")
 
 #: The points between 0 and 1 that are used: at 0 and 1 themselves some quantiles are infinite.
 _FIRST, _LAST = 2.0**-54, 1.0 - 2.0**-53
@@ -37,9 +34,6 @@ _ENDS = (2.0**-40, 1.0 - 2.0**-40)
 
 #: The least probability of what bounds leave of a distribution; of less, rounding errors would be drawn.
 _LEAST_SHARE = 2.0**-30
-
-#: The longest duration [s].
-LONGEST = 1e9
 
 
 def _ndtri(points: Array) -> Array:

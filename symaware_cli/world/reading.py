@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from symaware_cli.world.records import record
+
 Array = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Scan:
     """Distances along horizontal rays around each agent.
 
@@ -33,7 +34,7 @@ class Scan:
     mount: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Image:
     """An image of a camera.
 
@@ -49,7 +50,7 @@ class Image:
     segments: NDArray[np.uint16]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Frame:
     """The images of the cameras of a group.
 

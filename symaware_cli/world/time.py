@@ -7,6 +7,9 @@ from typing import ClassVar
 
 SECOND = 1_000_000_000
 
+#: The longest duration [s].
+LONGEST = 1e9
+
 
 def nanoseconds(seconds: float) -> int:
     """Round a time in seconds to the nearest nanosecond."""

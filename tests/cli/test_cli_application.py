@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from sample_log import write_sample
 from simulating import Command
 
 import symaware_cli
@@ -43,11 +44,25 @@ RUNNING = [
 ]
 UNUSED = [
     "symaware_cli.specification",
+    "symaware_cli.cli.help",
+    "symaware_cli.engine.network.network",
+    "symaware_cli.engine.network.transmission",
+    "symaware_cli.engine.runtime.awaiting",
+    "symaware_cli.engine.runtime.coroutine",
+    "symaware_cli.geometry.articulation",
+    "symaware_cli.geometry.region",
+    "symaware_cli.language.fault_section",
+    "symaware_cli.language.presence_section",
+    "symaware_cli.language.specification_section",
+    "symaware_cli.language.topology_section",
+    "symaware_cli.log.log_message",
+    "symaware_cli.world.probability_distribution",
     "symaware_cli.language.fault_builder",
     "symaware_cli.language.presence_builder",
     "symaware_cli.engine.runtime.scope",
     "symaware_cli.engine.runtime.replica",
 ]
+SIMULATED = ["symaware_cli.core", "symaware_cli.world.model", "symaware_cli.world.entity", "yaml"]
 HEAVY = ["scipy", "asyncio", "rerun", "matplotlib", "casadi", "pymunk", "pybullet", "networkx", "rich"]
 
 
@@ -63,6 +78,7 @@ HEAVY = ["scipy", "asyncio", "rerun", "matplotlib", "casadi", "pymunk", "pybulle
         ),
         (["validate", "head-on.yaml"], UNUSED),
         (["run", "head-on.yaml", "--output", "head-on.mcap"], [*UNUSED, "numpy.random"]),
+        (["inspect", "sample.mcap"], [*HEAVY, *RUNNING, *SIMULATED, "symaware_cli.cli.help"]),
         (
             ["validate", "errands.yaml"],
             [*LOG, *RUNNING, "symaware_cli.engine.faults.replace", "symaware_cli.engine.faults.blind"],
@@ -74,6 +90,8 @@ def test_a_verb_imports_nothing_heavy_that_it_does_not_need(
     line: list[str], unneeded: list[str], scenarios: Path, tmp_path: Path
 ) -> None:
     line = [str(scenarios / word) if word.endswith(".yaml") else word for word in line]
+    if "sample.mcap" in line:
+        write_sample(tmp_path / "sample.mcap")
     code = (
         f"import sys; sys.argv = ['symaware', *{line!r}]\ntry:\n from symaware_cli.cli import main; main()\nfinally:\n"
     )

@@ -18,7 +18,7 @@ from symaware_cli import (
 )
 from symaware_cli.engine.runtime.options import RunOptions
 from symaware_cli.engine.runtime.timing import Timing
-from symaware_cli.world import always
+from symaware_cli.world.probability_distribution import always
 
 CONTROL = r"a controller returns its control input, 2 numbers \(velocity_x, velocity_y\), and its intent, a TimeSeries"
 GOOD = np.zeros(2)

@@ -1,13 +1,15 @@
 """The valid content of scenarios."""
 
+import copy
 import json
 import re
+from typing import Any
 
 import pytest
 from pydantic import BaseModel, ValidationError
 from simulating import untyped
 
-from symaware_cli.language.document import GroupSection, ScenarioDocument
+from symaware_cli.language.document import GroupSection, ScenarioDocument, document_of
 from symaware_cli.language.placement import CirclePlacement, GridPlacement
 from symaware_cli.language.section import Section
 
@@ -20,8 +22,14 @@ LEAST = {
 }
 
 
-def sections(model: type[BaseModel] = Section) -> list[type[BaseModel]]:
-    return [each for kind in model.__subclasses__() for each in (kind, *sections(kind))]
+def sections() -> list[type[BaseModel]]:
+    # Imports those that few scenarios have.
+    document_of({}, (), {})
+    return subclasses(Section)
+
+
+def subclasses(model: type[BaseModel]) -> list[type[BaseModel]]:
+    return [each for kind in model.__subclasses__() for each in (kind, *subclasses(kind))]
 
 
 def read(**changes: object) -> ScenarioDocument:
@@ -76,3 +84,67 @@ def test_a_group_has_one_to_a_hundred_thousand_agents(count: int) -> None:
     for wrong in (0, -1, 100_001, 1.5, True, "2"):
         with pytest.raises(ValidationError):
             GroupSection.model_validate_json(json.dumps({"count": wrong, "model": {"use": "unicycle"}}), strict=True)
+
+
+WHOLE = {
+    **LEAST,
+    "environment": {
+        "use": "kinematic",
+        "entities": {"wall": {"shape": {"circle": {"radius": 1.0}}, "position": [2.0, 0.0]}},
+    },
+    "agents": {
+        "robot": {
+            "model": {"use": "unicycle"},
+            "present": {"from": 1.0},
+            "components": {"a": {"use": "x", "latency": {"uniform": [0.0, 1.0]}}, "b": {"use": "y"}},
+        }
+    },
+    "topology": {"use": "ring", "channel": {"loss": 0.5}},
+    "regions": {"yard": {"circle": {"centre": [0.0, 0.0], "radius": 1.0}}},
+    "specifications": {"safe": {"formula": "always nearest > 0"}},
+    "subscribers": {"one": {"use": "print"}},
+}
+
+
+def without(data: Any, *path: str) -> Any:
+    """A copy without what is at a path."""
+    first, *rest = path
+    if not rest:
+        return {key: value for key, value in data.items() if key != first}
+    return {**data, first: without(data[first], *rest)}
+
+
+PARTS: list[tuple[str, ...]] = [
+    ("topology",),
+    ("regions",),
+    ("specifications",),
+    ("environment", "entities"),
+    ("agents", "robot", "present"),
+    ("agents", "robot", "components", "a", "latency"),
+]
+
+
+@pytest.mark.parametrize("left_out", [(), *PARTS], ids=lambda path: ".".join(path) or "nothing")
+def test_a_document_is_the_same_by_the_model_of_its_own_fields(left_out: tuple[str, ...]) -> None:
+    data = without(WHOLE, *left_out) if left_out else WHOLE
+    text = json.dumps(data)
+    own, whole = (document_of({}, (), {}, each).model_validate_json(text, strict=True) for each in (data, None))
+    assert own.model_dump() == whole.model_dump()
+
+
+@pytest.mark.parametrize("given", PARTS, ids=".".join)
+@pytest.mark.parametrize("value", [[1], "nonsense", {"nonsense": 1}], ids=str)
+def test_a_wrong_value_of_a_field_that_few_scenarios_have_is_refused(given: tuple[str, ...], value: object) -> None:
+    data = copy.deepcopy(WHOLE)
+    place: Any = data
+    for key in given[:-1]:
+        place = place[key]
+    place[given[-1]] = value
+    with pytest.raises(ValidationError):
+        document_of({}, (), {}, data).model_validate_json(json.dumps(data), strict=True)
+
+
+@pytest.mark.parametrize("data", [{}, {"agents": 1}, {"agents": {"a": 2}}, {"agents": {"a": {"components": [3]}}}])
+def test_the_model_of_a_malformed_document_is_made(data: dict[str, object]) -> None:
+    with pytest.raises(ValidationError):
+        document_of({}, (), {}, data).model_validate_json(json.dumps(data), strict=True)

@@ -9,7 +9,8 @@ import scipy.stats
 from hypothesis import given
 from hypothesis import strategies as st
 
-from symaware_cli.world import ProbabilityDistribution, VectorDistribution, always
+from symaware_cli.world import ProbabilityDistribution, VectorDistribution
+from symaware_cli.world.probability_distribution import always
 
 POINTS = np.random.default_rng(3).random(20_000)
 

@@ -7,8 +7,8 @@ from typing import ClassVar
 
 from pydantic import BaseModel, RootModel
 
-from symaware_cli.core.identifiers import ComponentParameters
 from symaware_cli.engine.runtime.fault import ComponentSelection, Fault, FaultContext
+from symaware_cli.engine.runtime.target_parameters import ComponentParameters
 
 
 class ComponentFault(Fault):

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from symaware_cli.core.identifiers import AgentParameters
 from symaware_cli.engine.runtime.fault import AgentSelection, Fault, FaultContext, FaultTargets
+from symaware_cli.engine.runtime.target_parameters import AgentParameters
 
 
 class Stop(Fault):

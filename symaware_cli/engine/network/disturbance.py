@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Container, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core.message import Indices
+from symaware_cli.world import record
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Disturbance:
     """The effects of a fault on messages from some agents to others.
 

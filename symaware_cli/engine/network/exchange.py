@@ -7,22 +7,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Mapping, Sequence
 from dataclasses import replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import Delivery, Links, Message, MessageBatch
 from symaware_cli.core.message import EVERYBODY, Indices, Times, copied
-from symaware_cli.engine.network.channel.channel import ABSENT, QUEUE_FULL, TOO_OLD, Fates
-from symaware_cli.engine.network.disturbance import Disturbance
+from symaware_cli.engine.network.channel.fates import ABSENT, QUEUE_FULL, REASONS, TOO_OLD, WAITS, Fates
 from symaware_cli.engine.network.in_transit import MessagesInTransit
 from symaware_cli.engine.network.inboxes import Inboxes
-from symaware_cli.engine.network.network import Change, Network
 from symaware_cli.engine.network.outbox import Outbox
 from symaware_cli.engine.network.size import message_sizes
 from symaware_cli.engine.network.traffic import Traffic
-from symaware_cli.engine.network.transmission import WAITS, QueuedMessage, Transmission
+
+if TYPE_CHECKING:
+    from symaware_cli.engine.network.disturbance import Disturbance
+    from symaware_cli.engine.network.network import Change, Network
+    from symaware_cli.engine.network.transmission import QueuedMessage, Transmission
 
 
 class Neighbours(Sequence[str]):
@@ -106,7 +108,9 @@ class MessageExchange:
         self._check: Callable[[Mapping[str, Any]], Any] = lambda payload: None
         self._away: NDArray[np.bool_] | None = None
         self._forward: Callable[[Delivery], Any] = lambda arrived: None
-        self._transmission = Transmission(seed, self._ids)
+        self._seed = seed
+        #: None as long as neither a network nor a disturbance has changed the fate of any message.
+        self._transmission: Transmission | None = None
         self._in_transit = MessagesInTransit()
         self.inboxes = Inboxes(self._ids, listening)
         self.now = 0
@@ -117,11 +121,11 @@ class MessageExchange:
     @property
     def network(self) -> Network | None:
         """The links and channels; None for perfect links between all agents."""
-        return self._transmission.network
+        return None if self._transmission is None else self._transmission.network
 
     @network.setter
     def network(self, network: Network | None) -> None:
-        self._transmission.network = network
+        self._decider().network = network
         if network is not None:
             network.present = self._present
 
@@ -142,23 +146,31 @@ class MessageExchange:
     def add_disturbances(self, disturbances: Sequence[Disturbance]) -> None:
         """Add disturbances from now on."""
         self.flush()
-        self._transmission.disturb(disturbances)
+        self._decider().disturb(disturbances)
 
     def remove_disturbances(self, disturbances: Sequence[Disturbance]) -> None:
         """Remove disturbances."""
         self.flush()
-        self._transmission.relieve(disturbances)
+        self._decider().relieve(disturbances)
+
+    def _decider(self) -> Transmission:
+        """Return what decides the fates of messages; create it if nothing has changed any so far."""
+        if self._transmission is None:
+            from symaware_cli.engine.network.transmission import Transmission
+
+            self._transmission = Transmission(self._seed, self._ids)
+        return self._transmission
 
     @property
     def in_flight(self) -> int:
         """The number of messages in flight."""
-        return len(self._in_transit) + self._transmission.waiting
+        return len(self._in_transit) + (0 if self._transmission is None else self._transmission.waiting)
 
     @property
     def next_time(self) -> int | None:
         """The next instant at which a message arrives, in nanoseconds."""
-        times = [time for time in (self._in_transit.next_time, self._transmission.next_time) if time is not None]
-        return min(times, default=None)
+        times = [each.next_time for each in (self._in_transit, self._transmission) if each is not None]
+        return min((time for time in times if time is not None), default=None)
 
     @property
     def links(self) -> Links | None:
@@ -282,7 +294,7 @@ class MessageExchange:
         sent = Delivery(batch, rows, receivers, sequences, at, due)
         self.sent += len(rows)
         self._on_traffic(Traffic("sent", sent, sizes))
-        if self._transmission.is_free(self.now):
+        if self._transmission is None or self._transmission.is_free(self.now):
             self._in_transit.launch(sent, np.zeros(len(rows), np.uint8), sizes)
             return
         linked = batch.receivers is None
@@ -332,7 +344,7 @@ class MessageExchange:
         indices = np.flatnonzero(lost)
         if len(indices):
             self.dropped += len(indices)
-            reasons = tuple(self._transmission.reasons)
+            reasons = REASONS if self._transmission is None else tuple(self._transmission.reasons)
             self._on_traffic(Traffic("dropped", delivery.some(indices), sizes, reasons, reason[indices]))
 
     def _drop_displaced(self, victims: Sequence[QueuedMessage]) -> None:
@@ -342,7 +354,7 @@ class MessageExchange:
 
     def _advance(self) -> None:
         """Put queued messages in transit that have entered their links by now."""
-        for queued, fates in self._transmission.advance(self.now):
+        for queued, fates in self._decider().advance(self.now):
             self._put_in_transit(queued.content, queued.sizes, fates)
 
     def renew_links(self) -> None:
@@ -358,7 +370,7 @@ class MessageExchange:
         """
         self.flush()
         self.now = now
-        if self._transmission.network is not None:
+        if self.network is not None:
             if now % self._time_step == 0:
                 self.renew_links()
             self._advance()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Collection, Container, Sequence
-from dataclasses import dataclass
 from operator import itemgetter
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import Delivery, Message
 from symaware_cli.core.message import Indices
+from symaware_cli.world import record
 
 
 def in_order(arrived: Sequence[Delivery]) -> Sequence[Delivery]:
@@ -63,7 +63,7 @@ def _key(delivery: Delivery, place: int) -> tuple[int, int, int]:
 _OLDEST = itemgetter(0, 1, 2)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Reader:
     """Components of one entry of a group that alone read messages of certain kinds.
 

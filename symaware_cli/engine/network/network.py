@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import Links, Roster
 from symaware_cli.core.message import Indices, Times
-from symaware_cli.engine.network.channel.channel import NO_LINK, Channel, Fates, Impairment
+from symaware_cli.engine.network.channel.channel import Channel
 from symaware_cli.engine.network.channel.channel_parameters import ChannelParameters
+from symaware_cli.engine.network.channel.fates import NO_LINK, Fates, Impairment
 from symaware_cli.engine.network.channel.link_states import LinkStates
 from symaware_cli.engine.network.topology.topology import Topology
 

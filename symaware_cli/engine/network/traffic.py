@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from symaware_cli.core import Delivery, Message
+from symaware_cli.world import record
 
 Stage = Literal["sent", "delivered", "dropped"]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Traffic:
     """Messages of one batch at one stage.
 

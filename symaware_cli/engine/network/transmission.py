@@ -14,16 +14,15 @@ from numpy.typing import NDArray
 
 from symaware_cli.core import Delivery
 from symaware_cli.core.message import Indices, Times
-from symaware_cli.engine.network.channel.channel import NO_LINK, REASONS, Channel, Fates, Impairment
+from symaware_cli.engine.network.channel.channel import Channel
 from symaware_cli.engine.network.channel.channel_parameters import ChannelParameters
+from symaware_cli.engine.network.channel.fates import NO_LINK, REASONS, WAITS, Fates, Impairment
 from symaware_cli.engine.network.channel.link_states import FOREVER, LinkStates
 from symaware_cli.engine.network.disturbance import Disturbance
 from symaware_cli.engine.network.network import Network
 from symaware_cli.world import key_of, message_fractions
 
 Content = TypeVar("Content")
-#: The reason of messages that are queued and not decided yet.
-WAITS = 255
 #: The first page of a message's random draws after those of its channel.
 _OWN_PAGE = 2
 

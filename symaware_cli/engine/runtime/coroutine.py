@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Coroutine, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import Component, GroupComponent, Level, SubscriberError
 from symaware_cli.core.stateful import StateError
 from symaware_cli.core.waiting import Sleep, said
-from symaware_cli.engine.runtime.awaiting import REAL_TIME, Awaiter, ForeignWaitError, Pending, Wakeups
+from symaware_cli.engine.runtime.awaiting import REAL_TIME, ForeignWaitError, Wakeups
 from symaware_cli.engine.runtime.failure import describe
 from symaware_cli.engine.runtime.guard import FAILED, Guard
 from symaware_cli.engine.runtime.interruption import Interrupted
@@ -16,6 +16,9 @@ from symaware_cli.engine.runtime.queue import Queue
 from symaware_cli.engine.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.engine.runtime.turn import TurnsInProgress, computed_at, in_turn
 from symaware_cli.world import Turn
+
+if TYPE_CHECKING:
+    from symaware_cli.engine.runtime.awaiting import Awaiter, Pending
 
 #: The outcome of a coroutine that is done.
 _DONE = object()

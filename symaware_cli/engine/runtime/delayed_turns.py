@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import Event, Level
 from symaware_cli.engine.runtime.guard import FAILED, Guard
 from symaware_cli.engine.runtime.queue import Phase, Queue
 from symaware_cli.engine.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.engine.runtime.turn import TurnsInProgress, computed_at, in_turn
-from symaware_cli.engine.runtime.workers import Computed, WorkerError, Workers
+from symaware_cli.engine.runtime.workers import WorkerError
 from symaware_cli.world import Turn
+
+if TYPE_CHECKING:
+    from symaware_cli.engine.runtime.workers import Computed, Workers
 
 #: A row, its unfinished turn, and the value computed in it.
 Landing = tuple[int, Turn, Any]

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Literal
+
+from symaware_cli.world import record
 
 if TYPE_CHECKING:
     from symaware_cli.engine.runtime.fault import Fault
@@ -13,7 +15,7 @@ if TYPE_CHECKING:
     from symaware_cli.specification.expression import Expression
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RunOptions:
     """The options of a run, as declared in a scenario or given on the command line.
 

@@ -20,7 +20,6 @@ from symaware_cli.awareness import Array, NotFiniteError
 from symaware_cli.core import AgentGroup, Level, SubscriberError, seconds
 from symaware_cli.core.component import may_wait
 from symaware_cli.core.stateful import StateError
-from symaware_cli.engine.runtime.awaiting import Awaiter
 from symaware_cli.engine.runtime.environment_stepper import EnvironmentStepper
 from symaware_cli.engine.runtime.event_router import EventRouter
 from symaware_cli.engine.runtime.failure import RunError, describe
@@ -143,7 +142,11 @@ class Run:
             self._bridge = AsyncioBridge()
         self.schedulers: list[TurnScheduler] = []
         self.membership = Membership(simulation, self.schedulers, options.presence, self._observer, router)
-        awaiter = Awaiter(router, simulation.exchange, self._bridge) if is_asynchronous else None
+        awaiter = None
+        if is_asynchronous:
+            from symaware_cli.engine.runtime.awaiting import Awaiter
+
+            awaiter = Awaiter(router, simulation.exchange, self._bridge)
         self.schedulers += [
             TurnScheduler(
                 simulation,

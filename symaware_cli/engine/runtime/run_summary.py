@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,12 +14,13 @@ from symaware_cli.core import Contact, Environment, Event, Level, seconds
 from symaware_cli.engine.runtime.pacer import Pace
 from symaware_cli.engine.runtime.simulation import Simulation
 from symaware_cli.geometry import BodyOutlines
+from symaware_cli.world import record
 
 if TYPE_CHECKING:
     from symaware_cli.specification import Outcome
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Extreme:
     """The greatest or least value of a quantity in a run.
 
@@ -34,7 +35,7 @@ class Extreme:
     who: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RunSummary:
     """The figures of a run.
 

@@ -9,8 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from symaware_cli.core import Event, GroupComponent, Level, SubscriberError
 from symaware_cli.core.component import may_wait
-from symaware_cli.engine.runtime.awaiting import Awaiter
-from symaware_cli.engine.runtime.coroutine import CoroutineTurns
 from symaware_cli.engine.runtime.delayed_turns import DelayedTurns
 from symaware_cli.engine.runtime.event_router import EventRouter
 from symaware_cli.engine.runtime.failure import describe
@@ -21,11 +19,13 @@ from symaware_cli.engine.runtime.simulation import ComponentEntry, Simulation
 from symaware_cli.engine.runtime.supervision import Supervision
 from symaware_cli.engine.runtime.timing import Timetable, concerned
 from symaware_cli.engine.runtime.turn import TurnsInProgress, in_turn
-from symaware_cli.engine.runtime.workers import Workers
 from symaware_cli.world import key_of
 
 if TYPE_CHECKING:
+    from symaware_cli.engine.runtime.awaiting import Awaiter
+    from symaware_cli.engine.runtime.coroutine import CoroutineTurns
     from symaware_cli.engine.runtime.scope import ConditionScope
+    from symaware_cli.engine.runtime.workers import Workers
 
 
 class TurnScheduler:
@@ -107,6 +107,8 @@ class TurnScheduler:
         self._delayed = DelayedTurns(*common, workers, self._on_turn_done)
         self._coroutines: CoroutineTurns | None = None
         if awaiter is not None and any(may_wait(type(each)) for each in entry.components):
+            from symaware_cli.engine.runtime.coroutine import CoroutineTurns
+
             self._coroutines = CoroutineTurns(*common, awaiter, self._on_turn_done)
         queue.register(place, {"period": self._on_period, "trigger": self._on_triggered_turn, "again": self._on_again})
         self._timetables: dict[int, Timetable] = {}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -17,12 +16,13 @@ from symaware_cli.engine.runtime.pacer import Pacer
 from symaware_cli.engine.runtime.run_summary import Observer
 from symaware_cli.engine.runtime.scheduler import TurnScheduler
 from symaware_cli.engine.runtime.simulation import Simulation
+from symaware_cli.world import record
 
 if TYPE_CHECKING:
     from symaware_cli.engine.runtime.state.simulation_state import SimulationState
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Shared:
     """The parts of a run that a process of several uses.
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext, suppress
 from itertools import groupby
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +30,6 @@ from symaware_cli.core import (
 )
 from symaware_cli.core.event import RECURRING
 from symaware_cli.engine.network.exchange import MessageExchange
-from symaware_cli.engine.network.network import Change, Network, TopologyPhase
-from symaware_cli.engine.network.traffic import Traffic
 from symaware_cli.engine.runtime.failure import RunError, describe
 from symaware_cli.engine.runtime.finiteness import FinitenessCheck
 from symaware_cli.engine.runtime.held_rows import HeldRows
@@ -40,6 +38,10 @@ from symaware_cli.engine.runtime.queue import LivelockError
 from symaware_cli.engine.runtime.timing import STEADY, Timing
 from symaware_cli.engine.runtime.turn import in_turn
 from symaware_cli.world import Turn
+
+if TYPE_CHECKING:
+    from symaware_cli.engine.network.network import Change, Network, TopologyPhase
+    from symaware_cli.engine.network.traffic import Traffic
 
 #: The greatest number of changed links for which the event names each link.
 _MOST_LINKS_NAMED = 40

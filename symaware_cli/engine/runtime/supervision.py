@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from symaware_cli.core import AgentGroup, GroupComponent
 from symaware_cli.engine.runtime.held_rows import HeldRows
 from symaware_cli.engine.runtime.simulation import ComponentEntry, Simulation
-from symaware_cli.world import LONGEST, ProbabilityDistribution, Turn, fraction, nanoseconds
+from symaware_cli.world import LONGEST, Turn, fraction, nanoseconds
+
+if TYPE_CHECKING:
+    from symaware_cli.world import ProbabilityDistribution
 
 _NONE = nullcontext()
 

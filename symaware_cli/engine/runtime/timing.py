@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import fnmatch
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, Literal, TypeAlias
 
 import numpy as np
 
 from symaware_cli.core import Contact, Event
-from symaware_cli.world import ProbabilityDistribution, always, uniform
+from symaware_cli.world import record, uniform
 
 if TYPE_CHECKING:
     from symaware_cli.specification.expression import Expression
+    from symaware_cli.world import ProbabilityDistribution
 
 Overrun = Literal["skip", "queue", "fail"]
 OnFailure = Literal["stop", "isolate", "restart"]
@@ -24,11 +24,23 @@ WhenOff = Literal["hold", "clear"]
 #: The number of delays that are drawn at once.
 _BLOCK = 64
 
-#: The latency of what takes no time.
-NO_TIME = always(0.0)
+
+@record
+class NoTime:
+    """The duration of what takes no time, for which no model of distributions is imported."""
+
+    is_zero: ClassVar[bool] = True
+    is_drawn: ClassVar[bool] = False
+
+    def quantile(self, point: float) -> float:
+        """Return 0 for any probability."""
+        return 0.0
 
 
-@dataclass(frozen=True, slots=True)
+NO_TIME = NoTime()
+
+
+@record
 class Trigger:
     """An event that triggers a turn of a component.
 
@@ -44,7 +56,7 @@ class Trigger:
     source: str | None = None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Timing:
     """The timing of a component's turns, and the handling of overruns and failures.
 
@@ -71,7 +83,7 @@ class Timing:
     trigger: Trigger | None = None
     condition: Expression | None = None
     when_off: WhenOff = "hold"
-    latency: ProbabilityDistribution = NO_TIME
+    latency: ProbabilityDistribution | NoTime = NO_TIME
     overrun: Overrun = "skip"
     on_failure: OnFailure = "stop"
     tries: int = 3
@@ -197,7 +209,7 @@ def _matching(pattern: str, group: str, rows: Mapping[str, int]) -> Collection[i
 Moment: TypeAlias = "int | Expression | Trigger"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PresenceInterval:
     """The interval in which an agent is in the world.
 

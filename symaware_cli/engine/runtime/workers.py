@@ -6,20 +6,19 @@ import os
 import pickle
 from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from symaware_cli.core import AgentGroup, Component, Environment, GroupComponent, Plugin
 from symaware_cli.core.stateful import StateError
 from symaware_cli.engine.runtime.simulation import ComponentEntry, Simulation
-from symaware_cli.world import Turn
+from symaware_cli.world import Turn, record
 
 if TYPE_CHECKING:
     from symaware_cli.engine.runtime.replica import ComputationResult
     from symaware_cli.world import PythonChild
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Computed:
     """The result of a computation in a worker.
 

@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from enum import Enum
 from functools import partial
 from pathlib import Path
@@ -35,8 +35,8 @@ from symaware_cli.specification.parser import parse
 from symaware_cli.specification.scope import AgentScope
 from symaware_cli.specification.specification import Specification
 from symaware_cli.specification.specification_monitor import SpecificationMonitor
-from symaware_cli.world import always
 from symaware_cli.world.chance import AgentChance, GroupChance
+from symaware_cli.world.probability_distribution import always
 from symaware_cli.world.reading import Scan
 
 #: Steps between two turns, and what their latency is; less, so that no turn is put off.
@@ -214,7 +214,7 @@ def tracks(of: Tracks | None) -> list[Any] | None:
 
 
 def vars_of(reading: Frame | Scan) -> list[Any]:
-    return [getattr(reading, name) for name in type(reading).__slots__]
+    return [getattr(reading, each.name) for each in fields(reading)]
 
 
 def plain(value: Any) -> Any:

@@ -13,8 +13,9 @@ from scipy import stats
 from scipy.stats._distn_infrastructure import rv_continuous_frozen
 from simulating import present, untyped
 
-from symaware_cli.engine.network.channel.channel import LOSS, QUEUE_FULL, TOO_OLD, Channel, Fates, Impairment
+from symaware_cli.engine.network.channel.channel import Channel
 from symaware_cli.engine.network.channel.channel_parameters import ChannelParameters
+from symaware_cli.engine.network.channel.fates import LOSS, QUEUE_FULL, TOO_OLD, Fates, Impairment
 from symaware_cli.engine.network.channel.link_states import LinkStates
 from symaware_cli.engine.network.network import ChannelOverride
 from symaware_cli.engine.network.topology.fixed import Complete

@@ -37,7 +37,8 @@ from symaware_cli.language.execution import execute as execute_built
 from symaware_cli.log.digest import digest
 from symaware_cli.specification.expression import Expression
 from symaware_cli.testing import assert_repeatable
-from symaware_cli.world import ProbabilityDistribution, always
+from symaware_cli.world import ProbabilityDistribution
+from symaware_cli.world.probability_distribution import always
 
 ASYNCHRONOUS = RunOptions(mode="asynchronous")
 MILLISECOND = 1_000_000

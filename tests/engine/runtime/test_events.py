@@ -27,7 +27,7 @@ from symaware_cli.engine.runtime.timing import Timing, Trigger
 from symaware_cli.log.manifest import manifest_of
 from symaware_cli.log.recorder import EventKinds, Recorder
 from symaware_cli.log.writer import LogWriter
-from symaware_cli.world import always
+from symaware_cli.world.probability_distribution import always
 
 MODES = pytest.mark.parametrize("mode", ["synchronous", "asynchronous"])
 

@@ -24,7 +24,7 @@ from symaware_cli.engine.runtime.options import RunOptions
 from symaware_cli.engine.runtime.run_summary import RunSummary
 from symaware_cli.engine.runtime.simulation import Simulation
 from symaware_cli.engine.runtime.timing import Timing
-from symaware_cli.world import always
+from symaware_cli.world.probability_distribution import always
 
 MODES = pytest.mark.parametrize(
     "options", [RunOptions(), RunOptions(mode="asynchronous")], ids=["synchronous", "asynchronous"]

@@ -24,7 +24,7 @@ from symaware_cli.core import (
 from symaware_cli.engine.runtime.options import RunOptions
 from symaware_cli.engine.runtime.timing import Timing
 from symaware_cli.log.reader import open_log
-from symaware_cli.world import always
+from symaware_cli.world.probability_distribution import always
 
 COLUMNS = (Quantity("one", "m"), Quantity("other", "m"))
 ATTENTION = Part("attention", "vector", COLUMNS)

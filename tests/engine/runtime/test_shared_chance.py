@@ -23,8 +23,9 @@ from symaware_cli.engine.runtime.options import RunOptions
 from symaware_cli.engine.runtime.simulation import Simulation
 from symaware_cli.engine.runtime.timing import Timing, Trigger
 from symaware_cli.language.build import build
-from symaware_cli.world import ProbabilityDistribution, always
+from symaware_cli.world import ProbabilityDistribution
 from symaware_cli.world.chance import Turn
+from symaware_cli.world.probability_distribution import always
 
 Teams = dict[str, Team]
 

@@ -13,7 +13,7 @@ from symaware_cli.core import Component, GroupComponent, Quantity, Signal, TimeS
 from symaware_cli.engine.runtime.options import RunOptions
 from symaware_cli.engine.runtime.timing import Timing
 from symaware_cli.specification.expression import Expression
-from symaware_cli.world import always
+from symaware_cli.world.probability_distribution import always
 
 COLUMNS = (Quantity("one", "m"),)
 SIGNALS = tuple(Signal(kind, kind, COLUMNS) for kind in ("vector", "series", "table"))

@@ -14,6 +14,7 @@ from pydantic import BaseModel
 
 from symaware_cli.awareness import KnownVector
 from symaware_cli.core import AwarenessVector, Scenery, Snapshot, TimeSeries, Tracks
+from symaware_cli.world import is_record
 
 _NO_ATTRIBUTES: Mapping[str, Any] = types.MappingProxyType({})
 
@@ -81,7 +82,7 @@ def _layout(kind: Any) -> Layout:
     # Classes of extension modules may have objects without any attributes.
     is_plain &= bool(slots) or kind.__dictoffset__ != 0 or "__slots__" in vars(kind) or issubclass(kind, _PLAIN[1:])
     parameters = getattr(kind, "__dataclass_params__", None)
-    is_frozen = is_dataclass(kind) and parameters is not None and parameters.frozen
+    is_frozen = is_record(kind) or (is_dataclass(kind) and parameters is not None and parameters.frozen)
     is_model = issubclass(kind, BaseModel) and bool(kind.model_config.get("frozen"))
     return Layout(
         name=qualified_name(kind),
