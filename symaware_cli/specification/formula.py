@@ -239,6 +239,11 @@ def _look_back(formula: Formula) -> int:
     return before
 
 
+def looks_back(formula: Formula) -> bool:
+    """Return whether a formula contains operators of the past."""
+    return isinstance(formula, Historically | Once | Since) or any(map(looks_back, operands(formula)))
+
+
 def reach(formula: Formula) -> int:
     """Return how many steps the windows of a formula reach at most, those of operands added."""
     inner = max(map(reach, operands(formula)), default=0)

@@ -1,8 +1,9 @@
 """Bounds of the probability that a formula fails, from those of its predicates at each instant.
 
 Nothing is assumed about the dependence between predicates and instants (Boole's inequality): a minimum fails with at
-most the sum of the probabilities, and a maximum with at most the least of them. What lies beyond the last instant is as
-good as possible, so the bounds are about failures that are certain by then.
+most the sum of the probabilities, and a maximum with at most the least of them. What predicates are beyond the last
+instant is not known, so the bounds are about failures that are certain by then. Of operators that look back, such as
+`once`, more may be certain: what was true before the last instant stays so.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from symaware_cli.specification import formula as stl
-from symaware_cli.specification.formula import Array, Formula, from_now
+from symaware_cli.specification.formula import Array, Formula, from_now, looks_back, reach
 from symaware_cli.specification.sliding import sliding
 
 
@@ -29,6 +30,22 @@ class TruthBounds(NamedTuple):
     holds: Array
 
 
+class _Course(NamedTuple):
+    """Upper bounds of the probabilities that a formula is known to fail, and to hold.
+
+    Attributes:
+        fails: At each instant that is looked at; shape (instants, rows).
+        holds: Likewise.
+        fails_later: At one of all later instants or more; shape (rows,).
+        holds_later: Likewise.
+    """
+
+    fails: Array
+    holds: Array
+    fails_later: Array
+    holds_later: Array
+
+
 def truth_bounds(formula: Formula, predicates: Sequence[TruthBounds], instants: int, rows: int) -> TruthBounds:
     """Return bounds of the probability that a formula fails, and that it holds, at each instant.
 
@@ -38,14 +55,29 @@ def truth_bounds(formula: Formula, predicates: Sequence[TruthBounds], instants: 
         instants: The number of instants.
         rows: The number of rows.
     """
+    # Windows that look back see known instants for some time yet.
+    more = np.zeros((min(reach(formula), 2 * instants) if looks_back(formula) else 0, rows))
+    never = np.zeros(rows)
+    courses = [
+        _Course(np.concatenate([each.fails, more]), np.concatenate([each.holds, more]), never, never)
+        for each in predicates
+    ]
+    found = _course(formula, courses, instants + len(more), rows)
+    return TruthBounds(found.fails[:instants], found.holds[:instants])
 
-    def of(operand: Formula) -> TruthBounds:
-        return truth_bounds(operand, predicates, instants, rows)
+
+def _course(formula: Formula, predicates: Sequence[_Course], instants: int, rows: int) -> _Course:
+    """Return the bounds of a formula; see `truth_bounds`."""
+
+    def of(operand: Formula) -> _Course:
+        return _course(operand, predicates, instants, rows)
 
     match formula:
         case stl.Constant(value):
             never, ever = np.zeros((instants, rows)), np.ones((instants, rows))
-            return TruthBounds(never, ever) if value else TruthBounds(ever, never)
+            # Of these, too, nothing is known later.
+            later = np.zeros(rows)
+            return _Course(never, ever, later, later) if value else _Course(ever, never, later, later)
         case stl.Predicate(index):
             return predicates[index]
         case stl.Not(operand):
@@ -73,45 +105,68 @@ def truth_bounds(formula: Formula, predicates: Sequence[TruthBounds], instants: 
     raise TypeError(f"{formula!r} is no formula")
 
 
-def _negated(bounds: TruthBounds) -> TruthBounds:
-    return TruthBounds(bounds.holds, bounds.fails)
+def _negated(course: _Course) -> _Course:
+    return _Course(course.holds, course.fails, course.holds_later, course.fails_later)
 
 
-def _all(operands: Sequence[TruthBounds]) -> TruthBounds:
-    fails, holds = operands[0]
+def _all(operands: Sequence[_Course]) -> _Course:
+    fails, holds, fails_later, holds_later = operands[0]
     for each in operands[1:]:
         fails, holds = fails + each.fails, np.minimum(holds, each.holds)
-    return TruthBounds(np.minimum(fails, 1.0), holds)
+        fails_later, holds_later = fails_later + each.fails_later, np.minimum(holds_later, each.holds_later)
+    return _Course(np.minimum(fails, 1.0), holds, np.minimum(fails_later, 1.0), holds_later)
 
 
-def _always(operand: TruthBounds, first: int, last: int | None) -> TruthBounds:
+def _always(operand: _Course, first: int, last: int | None) -> _Course:
     """Return the bounds of `Always`: the sum over the window of `fails`, and the minimum of `holds`."""
     instants, rows = operand.fails.shape
     width = instants if last is None else last - first + 1
-    # Beyond the last instant nothing fails, and nothing is known to hold.
+    # Windows that reach beyond the last instant contain all later ones, as far as is known.
+    later = np.broadcast_to(operand.holds_later, (first + width, rows))
     beyond = np.zeros((first + width, rows))
-    fails, holds = (np.concatenate([each[first:], beyond])[: instants + width - 1] for each in operand)
+    fails = np.concatenate([operand.fails[first:], beyond])[: instants + width - 1]
+    holds = np.concatenate([operand.holds[first:], later])[: instants + width - 1]
     total = np.cumsum(np.concatenate([np.zeros((1, rows)), fails]), axis=0)
     summed = np.maximum(total[width:] - total[:-width], 0.0)[:instants]
-    least = np.zeros((instants, rows)) if last is None else sliding(np.minimum, holds, width)[:instants]
-    return TruthBounds(np.minimum(summed, 1.0), least)
+    if last is None:
+        least = np.minimum(np.minimum.accumulate(holds[::-1])[::-1], operand.holds_later)[:instants]
+        summed = summed + operand.fails_later
+    else:
+        least = sliding(np.minimum, holds, width)[:instants]
+        summed[max(0, instants - last) :] += operand.fails_later
+    return _Course(np.minimum(summed, 1.0), least, operand.fails_later, operand.holds_later)
 
 
-def _historically(operand: TruthBounds, first: int, last: int | None) -> TruthBounds:
+def _historically(operand: _Course, first: int, last: int | None) -> _Course:
     """Return the bounds of `Historically`, which holds where its window has no instant."""
     instants, rows = operand.fails.shape
     width = instants if last is None else last - first + 1
     ago = first + width - 1
     fails, holds = (
         np.concatenate([np.full((ago, rows), before), each])[: ago + instants - first]
-        for each, before in zip(operand, (0.0, 1.0), strict=True)
+        for each, before in zip(operand[:2], (0.0, 1.0), strict=True)
     )
     total = np.cumsum(np.concatenate([np.zeros((1, rows)), fails]), axis=0)
     summed = np.maximum(total[width:] - total[:-width], 0.0)[:instants]
-    return TruthBounds(np.minimum(summed, 1.0), sliding(np.minimum, holds, width)[:instants])
+    # Each later window has one of these instants, or a later one, and fails or holds there; or it is longer.
+    since = 0 if last is None else max(0, instants - last)
+    fails_later = operand.fails[since:].sum(axis=0) + operand.fails_later
+    if first > instants:
+        holds_later = np.ones(rows)
+    elif last is None:
+        holds_later = operand.holds[: instants - first + 1].min(axis=0, initial=1.0)
+        holds_later = holds_later if first else np.minimum(holds_later, operand.holds_later)
+    else:
+        holds_later = operand.holds[since:].sum(axis=0) + operand.holds_later
+    return _Course(
+        np.minimum(summed, 1.0),
+        sliding(np.minimum, holds, width)[:instants],
+        np.minimum(fails_later, 1.0),
+        np.minimum(holds_later, 1.0),
+    )
 
 
-def _until(left: TruthBounds, right: TruthBounds, last: int | None) -> TruthBounds:
+def _until(left: _Course, right: _Course, last: int | None) -> _Course:
     """Return the bounds of `Until` with a window that begins now."""
     instants, rows = left.fails.shape
     fails, holds = np.empty((instants, rows)), np.empty((instants, rows))
@@ -125,12 +180,14 @@ def _until(left: TruthBounds, right: TruthBounds, last: int | None) -> TruthBoun
             failed = failed + left.fails[at]
             held = np.minimum(held, left.holds[at])
         if last is None or start + last >= instants:
-            least = np.minimum(least, failed)  # right may hold just after the last instant
+            # Right may hold just after the last instant.
+            least = np.minimum(least, right.fails_later + failed)
+            total = total + np.minimum(right.holds_later, held)
         fails[start], holds[start] = least, np.minimum(total, 1.0)
-    return TruthBounds(np.minimum(fails, 1.0), holds)
+    return _Course(np.minimum(fails, 1.0), holds, right.fails_later, right.holds_later)
 
 
-def _since(left: TruthBounds, right: TruthBounds) -> TruthBounds:
+def _since(left: _Course, right: _Course) -> _Course:
     """Return the bounds of `Since` without limits: right holds, or left does and it did so an instant ago."""
     instants, rows = left.fails.shape
     fails, holds = np.empty((instants, rows)), np.empty((instants, rows))
@@ -139,4 +196,5 @@ def _since(left: TruthBounds, right: TruthBounds) -> TruthBounds:
         failed = np.minimum(right.fails[at], np.minimum(left.fails[at] + failed, 1.0))
         held = np.minimum(right.holds[at] + np.minimum(left.holds[at], held), 1.0)
         fails[at], holds[at] = failed, held
-    return TruthBounds(fails, holds)
+    later = np.minimum(np.minimum(left.holds_later, held) + right.holds_later, 1.0)
+    return _Course(fails, holds, right.fails_later, later)

@@ -2,7 +2,7 @@
 
 import numpy as np
 from formulas import PREDICATES, random_formula
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from symaware_cli.specification.monitor import Monitor
@@ -14,6 +14,7 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 @settings(max_examples=200)
 @given(seed=SEEDS)
+@example(seed=372848)  # `not always[2,] once[1,] p` fails for certain from the first instant on, if p held there
 def test_a_bound_is_never_below_the_share_of_samples_that_fail(seed: int) -> None:
     """The samples themselves are the distribution, with any dependence between their predicates and instants."""
     generator = np.random.default_rng(seed)
@@ -36,6 +37,8 @@ def test_a_bound_is_never_below_the_share_of_samples_that_fail(seed: int) -> Non
 
 @settings(max_examples=200)
 @given(seed=SEEDS)
+@example(seed=42159)
+@example(seed=42280)
 def test_without_chance_a_bound_is_the_verdict(seed: int) -> None:
     generator = np.random.default_rng(seed)
     formula = random_formula(generator, 2, constants=False)
