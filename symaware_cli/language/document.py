@@ -363,8 +363,10 @@ def document_of(
         data: A document whose fields alone have their types in the model, which then is built faster, but is no model
             of other documents; None for all fields.
     """
-    chosen = tuple(section for section in sections.items() if data is None or section[0] in data)
-    return _document_of(tuple(faults.items()), tuple(installed_faults), chosen, _optional_fields(data))
+    present = frozenset(key for key in sections if data is None or key in data)
+    return _document_of(
+        tuple(faults.items()), tuple(installed_faults), tuple(sections.items()), present, _optional_fields(data)
+    )
 
 
 @cache
@@ -372,6 +374,7 @@ def _document_of(
     faults: tuple[tuple[str, type[Fault] | None], ...],
     installed_faults: tuple[str, ...],
     sections: tuple[tuple[str, type[ScenarioSection] | None], ...],
+    present: frozenset[str],
     optional: frozenset[str],
 ) -> type[ScenarioDocument]:
     types: dict[type[Section], dict[str, Any]] = {
@@ -390,7 +393,7 @@ def _document_of(
     added = {
         key: (Any, Field(None, description="A section that a plugin adds."))
         if section is None
-        else (section.form, section.field())
+        else (section.form if key in present else Any, section.field())
         for key, section in sections
     }
     return _changed(ScenarioDocument, types[ScenarioDocument], **added)

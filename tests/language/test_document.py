@@ -11,6 +11,7 @@ from simulating import untyped
 
 from symaware_cli.language.document import GroupSection, ScenarioDocument, document_of
 from symaware_cli.language.placement import CirclePlacement, GridPlacement
+from symaware_cli.language.scenario_section import ScenarioSection
 from symaware_cli.language.section import Section
 
 LEAST = {
@@ -130,6 +131,28 @@ def test_a_document_is_the_same_by_the_model_of_its_own_fields(left_out: tuple[s
     text = json.dumps(data)
     own, whole = (document_of({}, (), {}, each).model_validate_json(text, strict=True) for each in (data, None))
     assert own.model_dump() == whole.model_dump()
+
+
+class Sole(ScenarioSection):
+    """A section that is a number."""
+
+    form = int
+    description = "A number."
+
+
+class Named(Sole):
+    """A section with named numbers."""
+
+    form = dict[str, int]
+
+
+@pytest.mark.parametrize("given", [{}, {"sole": 1}, {"named": {"a": 1}}], ids=str)
+def test_sections_of_plugins_that_a_document_does_not_have_have_their_defaults(given: dict[str, object]) -> None:
+    data, kinds = {**LEAST, **given}, {"sole": Sole, "named": Named, "unknown": None}
+    text = json.dumps(data)
+    own, whole = (document_of({}, (), kinds, each).model_validate_json(text, strict=True) for each in (data, None))
+    assert own.model_dump() == whole.model_dump()
+    assert {name: getattr(own, name) for name in kinds} == {"sole": None, "named": {}, "unknown": None} | given
 
 
 @pytest.mark.parametrize("given", PARTS, ids=".".join)
