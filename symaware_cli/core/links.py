@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from symaware_cli.world import distinct
 
 Indices = NDArray[np.intp]
+Truths = NDArray[np.bool_]
 
 
 class Links:
@@ -73,15 +74,15 @@ class Links:
             self._keys = self.senders.astype(np.int64) * self.count + self.receivers
         return self._keys
 
-    def has(self, senders: Indices, receivers: Indices) -> NDArray[np.bool_]:
+    def has(self, senders: Indices, receivers: Indices) -> Truths:
         """Return which pairs of senders and receivers have a link; shape (m,)."""
         if len(self) == self.count * (self.count - 1):
-            apart: NDArray[np.bool_] = senders != receivers
+            apart: Truths = senders != receivers
             return apart
         wanted, keys = np.asarray(senders, np.int64) * self.count + receivers, self.keys
         if not len(keys):
             return np.zeros(len(wanted), bool)
-        found: NDArray[np.bool_] = keys[np.minimum(keys.searchsorted(wanted), len(keys) - 1)] == wanted
+        found: Truths = keys[np.minimum(keys.searchsorted(wanted), len(keys) - 1)] == wanted
         return found
 
     def of_sender(self, sender: int) -> Indices:

@@ -8,7 +8,7 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Callable, Collection, Mapping, Sequence
 from operator import is_
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -17,15 +17,29 @@ from symaware_cli.world.chance import Numbers, agent_numbers
 from symaware_cli.world.model import Model
 from symaware_cli.world.motion_layout import motions_of
 
-if TYPE_CHECKING:
-    from symaware_cli.world.snapshot import StatesById
-
 Array = NDArray[np.float64]
 
 #: The row of each agent by id, the motions, shape (k, 2d), and their rows by id.
 MotionTable: TypeAlias = tuple[dict[str, int], Array, dict[str, Array]]
 
 _NOBODY = np.empty(0, np.uint64)
+
+
+class SharedStates(Protocol):
+    """The true states of all agents by id, with their motions; see `StatesById`."""
+
+    @property
+    def motions(self) -> Array:
+        """Their motions by index; shape (n, 2d)."""
+
+    @property
+    def rows(self) -> dict[str, Array]:
+        """Their motions by id."""
+
+    def get(self, id: str) -> Array | None:
+        """Return the state of an agent."""
+
+    def __len__(self) -> int: ...
 
 
 class Roster:
@@ -94,7 +108,7 @@ class Roster:
                 for start, count in zip(self.starts, self.counts, strict=True)
             ]
             self.runs = np.concatenate(shares, axis=1)
-        self.shared: StatesById | None = None
+        self.shared: SharedStates | None = None
         self._tables: dict[tuple[str, ...], _MotionLayout] = {}
         self._places = {
             id: (number, row) for number, group in enumerate(self.groups) for row, id in enumerate(members[group])

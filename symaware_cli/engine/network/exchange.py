@@ -153,6 +153,10 @@ class MessageExchange:
         self.flush()
         self._decider().relieve(disturbances)
 
+    def reseed(self, seed: int) -> None:
+        """Draw the fates of messages from another seed from now on."""
+        self._seed = seed
+
     def _decider(self) -> Transmission:
         """Return what decides the fates of messages; create it if nothing has changed any so far."""
         if self._transmission is None:

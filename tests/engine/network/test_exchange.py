@@ -279,6 +279,19 @@ def test_a_disturbance_takes_its_share_of_those_it_is_about() -> None:
     assert all((each.delivery.senders < 20).all() for each in post.traffic if each.stage == "dropped")
 
 
+def test_a_disturbance_draws_from_the_seed_that_the_exchange_has_when_it_begins() -> None:
+    def lost(seed: int, later: int | None = None) -> list[str]:
+        robots = [f"robot.{number}" for number in range(12)]
+        post = Post(ids=robots, seed=seed)
+        if later is not None:
+            post.exchange.reseed(later)
+        post.exchange.add_disturbances([Disturbance("storm", set(robots), set(robots), 0.5, 0)])
+        post.post()
+        return [f"{message.sender} to {message.receiver}" for message, _ in post.stage("dropped")]
+
+    assert lost(1, 5) == lost(5) != lost(1)
+
+
 def due(post: Post) -> list[int]:
     """When messages arrived [ms]."""
     delivered = [each.delivery for each in post.traffic if each.stage == "delivered"]
