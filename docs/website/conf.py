@@ -1,5 +1,10 @@
 """What Sphinx is told about the site; `build.py` stages the pages and calls it."""
 
+import ast
+import sys
+from pathlib import Path
+
+import symaware_cli
 from symaware_cli import __version__
 
 project = "SymAware"
@@ -31,3 +36,18 @@ napoleon_numpy_docstring = False
 napoleon_use_ivar = True
 # Types of other packages, and of modules that are not public, have no page here. Links between pages are all checked.
 nitpick_ignore_regex = [(r"py:.*", r".*")]
+
+
+def _import_types() -> None:
+    """Import what modules import for type checkers alone, so that annotations in the reference are links to classes."""
+    for name in symaware_cli.__all__:
+        getattr(symaware_cli, name)  # imports the module where it is defined
+    for module in [module for name, module in sys.modules.items() if name.startswith("symaware_cli.")]:
+        if not (module.__file__ or "").endswith(".py"):
+            continue
+        for node in ast.parse(Path(str(module.__file__)).read_text(encoding="utf-8")).body:
+            if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+                exec(compile(ast.Module(node.body, []), str(module.__file__), "exec"), vars(module))
+
+
+_import_types()
