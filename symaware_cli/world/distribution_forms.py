@@ -1,4 +1,4 @@
-"""The words by which a distribution is told from other values, apart from the models, which take long to import."""
+"""The keys of a distribution in a scenario, in a module of their own because the models take long to import."""
 
 #: The forms of a distribution, of which each has exactly one.
 RANDOM = ("uniform", "normal", "lognormal", "loguniform", "exponential", "choice")

@@ -115,7 +115,7 @@ def _remaining(now: int, begin: Times, end: Times) -> Array:
 
 
 class _Index:
-    """Finds the rows of numbers that are added by and by.
+    """Finds the rows of numbers; more can be added.
 
     Those added last are in a small table, so that an addition does not move all others in the large one.
     """
